@@ -198,7 +198,7 @@ impl Gpu {
     /// # Errors
     /// [`Error::OutOfMemory`] for more bytes.
     pub fn check_reach(&self, name: &str, bytes: u64) -> Result<()> {
-        let available = self.caps().max_storage_range;
+        let available = self.caps().reach();
         match bytes <= available {
             true => Ok(()),
             false => Err(Error::OutOfMemory {

@@ -147,6 +147,11 @@ impl Caps {
         caps
     }
 
+    /// Bytes of the largest array that a kernel can bind.
+    pub fn reach(&self) -> u64 {
+        self.max_storage_range.min(self.max_allocation)
+    }
+
     /// Reduces the capabilities to those without subgroup size control: a device with varying subgroup sizes loses the
     /// subgroup operations, since kernels that use them rely on a fixed size.
     pub(super) fn without_size_control(&mut self) {

@@ -31,8 +31,7 @@ pub struct Readback<T> {
 impl<T: Pod> Readback<T> {
     /// The elements. The frame that recorded the copy must be done: wait for its ticket first.
     pub fn get(&self) -> Vec<T> {
-        let bytes = &self.raw.mapped()[self.offset..self.offset + self.len * size_of::<T>()];
-        bytemuck::pod_collect_to_vec(bytes)
+        self.elements().to_vec()
     }
 
     /// As [`Readback::get`], without a copy.

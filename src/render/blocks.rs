@@ -64,7 +64,7 @@ impl Block {
 impl Blocks {
     /// Blocks for splats of some degrees in a precision, each within one binding of the device.
     pub fn new(caps: &Caps, room: ByDegree, precision: Precision) -> Blocks {
-        let reach = caps.max_storage_range.min(caps.max_allocation);
+        let reach = caps.reach();
         Blocks::within(reach, room, precision)
     }
 

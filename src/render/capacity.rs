@@ -39,7 +39,7 @@ impl Capacity {
     /// The capacity limited to one binding of the device, with at most `pair_bytes` per pair in any array. Frames with
     /// more pairs are drawn in bands. All tiles of two splats always fit.
     pub fn within(self, caps: &Caps, pair_bytes: u64) -> Capacity {
-        let most = caps.max_storage_range.min(caps.max_allocation) / pair_bytes;
+        let most = caps.reach() / pair_bytes;
         Capacity {
             isects: self.isects.min(most as usize).max(2 * self.tiles),
             ..self

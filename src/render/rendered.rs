@@ -2,6 +2,7 @@
 
 use super::surface::Surface;
 use crate::scene::Camera;
+use rayon::prelude::*;
 
 /// An image read back from the device.
 #[derive(Clone, Debug)]
@@ -64,6 +65,7 @@ impl RenderedImage {
 pub(super) fn unpack(camera: &Camera, image: &[f32], depth: Vec<f32>, surface: Option<&[f32]>) -> RenderedImage {
     let pixels = camera.width as usize * camera.height as usize;
     let rgb = (0..pixels)
+        .into_par_iter()
         .map(|i| [image[i], image[pixels + i], image[2 * pixels + i]])
         .collect();
     let transmittance = image[3 * pixels..].to_vec();

@@ -131,7 +131,7 @@ impl RowBands {
 
 /// Largest range of a binding, bytes.
 pub fn binding_limit(caps: &Caps) -> u64 {
-    caps.max_storage_range.min(caps.max_allocation)
+    caps.reach()
 }
 
 #[cfg(test)]

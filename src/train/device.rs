@@ -86,7 +86,7 @@ impl DeviceState {
     /// Maximum number of splats of a degree on the device: one binding must hold a vec4 per splat, and memory the
     /// parameters with their moments.
     pub(crate) fn splat_limit(gpu: &Gpu, sh_degree: u32) -> usize {
-        let range = gpu.caps().max_storage_range.min(gpu.caps().max_allocation);
+        let range = gpu.caps().reach();
         let planes = plane_count(sh_degree) as u64;
         let by_binding = range / 16;
         let by_memory = gpu.memory_limit() / (3 * 16 * planes);

@@ -26,7 +26,7 @@ pub(super) fn chosen(caps: &Caps, memory_limit: u64) -> (String, Value) {
     let mut line = |name: &str, value: String| _ = writeln!(text, "  {name:<18} {value}");
     line("Vulkan", format!("{major}.{minor}.{patch}, {}", caps.driver));
     line("memory", bytes(memory_limit));
-    line("largest buffer", bytes(caps.max_storage_range));
+    line("largest buffer", bytes(caps.reach()));
     line("largest group", format!("{} invocations", caps.max_workgroup));
     line("shared memory", bytes(u64::from(caps.max_shared)));
     let (least, most) = caps.subgroup_range;

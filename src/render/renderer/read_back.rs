@@ -115,11 +115,11 @@ impl Renderer {
             self.rendered = Some(ticket);
             let counts = counts.get();
             if counts[COUNT_FAILED as usize] == 0 {
-                let surface = outputs.surface.then(|| surface.get());
+                let surface = outputs.surface.then(|| surface.elements());
                 return Ok(RenderedImage {
                     ids: ids.0.get(),
                     id_depth: ids.1.get(),
-                    ..unpack(camera, &image.get(), depth.get(), surface.as_deref())
+                    ..unpack(camera, image.elements(), depth.get(), surface)
                 });
             }
             let wanted = counts[COUNT_ISECT_WANTED as usize] as usize;

@@ -97,7 +97,7 @@ fn memory_ends_where_the_user_says() {
 #[test]
 fn a_binding_reaches_only_so_far() {
     let gpu = crate::common::device::gpu();
-    let most = gpu.caps().max_storage_range.min(gpu.caps().max_allocation);
+    let most = gpu.caps().reach();
     for len in [most as usize / 4 + 1, usize::MAX / 2, usize::MAX] {
         let (name, wanted, available) = out_of_memory(gpu.buffer::<u32>("long", len));
         assert_eq!((name.as_str(), available), ("long", most));
