@@ -2,13 +2,17 @@
 
 use super::clock::CpuClock;
 use super::row::{BenchRow, Work};
-use crate::gpu::{Frames, Gpu, Recorder};
+use crate::gpu::{DeviceKind, Frames, Gpu, Recorder};
 use crate::stats::Summary;
 use crate::{Error, Result};
 use std::collections::BTreeSet;
+use std::time::{Duration, Instant};
 
 /// Bytes of the copy that measures the bandwidth: beyond any cache.
 const COPY_BYTES: usize = 64 << 20;
+
+/// Least time of warming up on a GPU, which raises its clocks only under load.
+const CLOCK_RAMP: Duration = Duration::from_millis(300);
 
 /// Selection and repetitions of measurements.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -108,14 +112,27 @@ impl Bench {
     /// Runs a case repeatedly, and keeps a row for each of its stages (if there are several) and one for the total,
     /// which is returned.
     pub fn measure(&mut self, case: &Case, mut run: impl FnMut() -> Result<Times>) -> Result<BenchRow> {
-        for _ in 0..self.options.warm_up {
-            run()?;
-        }
+        self.warm_up(&mut run)?;
         let mut runs = Vec::new();
         for _ in 0..self.options.runs.max(1) {
             runs.push(run()?);
         }
         Ok(self.keep(case, &runs))
+    }
+
+    /// Runs that do not count.
+    pub(super) fn warm_up(&self, mut run: impl FnMut() -> Result<Times>) -> Result<()> {
+        let least = match self.gpu.caps().kind {
+            DeviceKind::Cpu => Duration::ZERO,
+            _ => CLOCK_RAMP,
+        };
+        let begin = Instant::now();
+        let mut done = 0;
+        while done < self.options.warm_up || begin.elapsed() < least {
+            run()?;
+            done += 1;
+        }
+        Ok(())
     }
 
     /// Keeps the rows of runs timed elsewhere; see [`Bench::measure`]. At least one run is needed, and all must have

@@ -52,9 +52,7 @@ impl Bench {
     /// Returns the runs of each.
     pub fn measure_in_turns(&mut self, subjects: &mut [Subject<'_>]) -> Result<Vec<Vec<Times>>> {
         for subject in subjects.iter_mut() {
-            for _ in 0..self.options.warm_up {
-                (subject.run)()?;
-            }
+            self.warm_up(&mut subject.run)?;
         }
         let mut runs = vec![Vec::new(); subjects.len()];
         for _ in 0..self.options.runs.max(1) {

@@ -49,31 +49,32 @@ fn after_a_failed_creation_the_frame_is_submitted_and_the_next_is_right() {
     assert!(failures > 5, "{failures} creations");
 }
 
-/// An upload whose memory fails leaves commands that can be submitted.
+/// An upload whose memory fails leaves commands that can be submitted. It may succeed with memory of another type.
 #[test]
 fn after_a_failed_upload_the_frame_is_submitted() {
     let scene = scene();
     let host = Host::new();
     let frame = Frame::new(&host, FORMAT, SIZE);
     let gpu = adopt(&host, false, true);
-    let mut failures = 0;
+    let (mut creations, mut refusals) = (0, 0);
     loop {
         let mut renderer = Renderer::new(&gpu, RenderOptions::default()).unwrap();
         frame.begin();
-        watch::fail_creation(failures + 1);
+        watch::fail_creation(creations + 1);
         let model = renderer.record_upload(&mut wrap(&frame), &scene.splats);
         let has_failed = watch::creations_left() == 0;
         watch::fail_creation(0);
-        assert_eq!(model.is_err(), has_failed);
+        assert!(has_failed || model.is_ok());
+        refusals += u32::from(model.is_err());
         frame.hand_over();
         frame.submit();
         frame.pixels::<f32>();
         if !has_failed {
             break;
         }
-        failures += 1;
+        creations += 1;
     }
-    assert!(failures > 1, "{failures} creations");
+    assert!(refusals > 1, "{refusals} of {creations} creations");
 }
 
 /// Every refusal names its cause, and hands the image over.

@@ -80,14 +80,14 @@ fn assert_same(pixels: &[[f32; 4]], expected: &RenderedImage) {
     }
 }
 
-/// Asserts at most the rounding of a store to 8 bits per channel (nearest of 256 levels).
+/// Asserts at most the rounding of a store to 8 bits per channel: Vulkan permits either of the two nearest levels.
 fn assert_near(pixels: &[[u8; 4]], expected: &RenderedImage) {
     for (i, pixel) in pixels.iter().enumerate() {
         let [r, g, b] = expected.rgb[i];
         let exact = [r, g, b, 1.0 - expected.transmittance[i]];
         for (level, value) in pixel.iter().zip(exact) {
             let off = (f32::from(*level) - 255.0 * value.clamp(0.0, 1.0)).abs();
-            assert!(off <= 0.51, "pixel {i}: {pixel:?} for {exact:?}");
+            assert!(off <= 1.01, "pixel {i}: {pixel:?} for {exact:?}");
         }
     }
 }
