@@ -83,6 +83,11 @@ impl Caps {
         !kernel.uses_subgroups() || lanes <= self.subgroup_size
     }
 
+    /// True if a workgroup of this size consists of full subgroups.
+    pub fn fills_subgroups(&self, workgroup: u32) -> bool {
+        workgroup.is_multiple_of(self.subgroup_size.max(1))
+    }
+
     pub(super) fn query(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Caps {
         let mut driver = vk::PhysicalDeviceDriverProperties::default();
         let mut subgroup = vk::PhysicalDeviceSubgroupProperties::default();

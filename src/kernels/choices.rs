@@ -77,7 +77,7 @@ pub fn chosen(caps: &Caps) -> Vec<KernelChoice> {
         compact: compact::Choice::default(), ELEMENTWISE;
         contribution: contribution::Choice::prefer(caps), contribution::Choice::why(caps);
         delinearize: delinearize::Choice::default(), ELEMENTWISE;
-        expand: expand::Choice::default(), ELEMENTWISE;
+        expand: expand::Choice::prefer(caps), expand::Choice::why(caps);
         gather: gather::Choice::default(), ELEMENTWISE;
         linearize: linearize::Choice::default(), ELEMENTWISE;
         loss: loss::Choice::prefer(caps), loss::why(caps);

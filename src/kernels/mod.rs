@@ -7,6 +7,7 @@
 
 pub mod baseline_16x16_backward;
 pub mod choices;
+pub mod expand;
 pub mod generated;
 pub mod loss;
 pub mod present;

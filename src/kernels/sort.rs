@@ -90,7 +90,7 @@ fn by_subgroup(caps: &Caps) -> bool {
     caps.kind != DeviceKind::Cpu
         && caps.supports(sort_scatter::Variant::Subgroup.info()).is_ok()
         && caps.max_workgroup >= SUBGROUP_WORKGROUP
-        && SUBGROUP_WORKGROUP.is_multiple_of(caps.subgroup_size.max(1))
+        && caps.fills_subgroups(SUBGROUP_WORKGROUP)
 }
 
 macro_rules! choices {

@@ -85,7 +85,7 @@ impl Forward {
             project.spec.surfel = outputs.surfels.into();
             project.spec.by_distance = (options.order == SplatOrder::Distance).into();
             project.spec.orthographic = (options.projection == Projection::Orthographic).into();
-            let mut expand = expand::Choice::default();
+            let mut expand = expand::Choice::prefer(caps);
             expand.spec.with_limit = outputs.limit.into();
             expand.spec.surfel = outputs.surfels.into();
             options.compatibility.listing(accuracy, project, expand)

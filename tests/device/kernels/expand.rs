@@ -3,9 +3,9 @@
 use crate::common::check::*;
 use crate::common::lists::{Lists, view};
 use crate::common::{device, scenes};
-use crate::kernels::ELEMENTWISE;
 use ashfall::gpu::Groups;
-use ashfall::kernels::expand::{Bindings, Choice, Expand};
+use ashfall::kernels::expand::{Bindings, Choice, Expand, Variant};
+use ashfall::lab::bench::kernels::Workgroups;
 use ashfall::lab::bench::kernels::expand::{expand, rooms};
 use ashfall::layout::COUNT_BAND_END;
 
@@ -36,14 +36,13 @@ fn every_tile_with_a_pixel_is_listed_and_few_others() {
         (name, expand(&gpu, &scene, lists, &rooms, first_rank).unwrap())
     };
     let cases: Vec<_> = cases().into_iter().enumerate().map(case).collect();
-    check.cases(&gpu, ELEMENTWISE, &cases);
+    check.cases(&gpu, Workgroups::subgroups(&[1, 8, 64, 256]), &cases);
     check.finish();
 }
 
 #[test]
 fn a_splat_may_cover_more_tiles_than_a_driver_runs_loops() {
     let gpu = device::gpu();
-    let kernel = Expand::new(&gpu, Choice::default()).unwrap();
     let scene = scenes::gentle(9, 1, 8192, 1200, 0);
     let view = view(&scene);
     let tiles = view.tiles[0] * view.tiles[1];
@@ -68,7 +67,20 @@ fn a_splat_may_cover_more_tiles_than_a_driver_runs_loops() {
         plane_from_splat: &unwritten(&gpu, 1),
     };
     let args = args(&gpu, 1, 64);
-    gpu.run(|rec| kernel.record(rec, io, Groups::indirect(&args, 0)))
+    for &variant in Variant::ALL {
+        if gpu.caps().supports(variant.info()).is_err() {
+            continue;
+        }
+        let choice = Choice {
+            variant,
+            ..Choice::default()
+        };
+        let kernel = Expand::new(&gpu, choice).unwrap();
+        gpu.run(|rec| {
+            rec.fill(&listed, u32::MAX);
+            kernel.record(rec, io, Groups::indirect(&args, 0));
+        })
         .unwrap();
-    assert!(read(&gpu, &listed).into_iter().eq(0..tiles));
+        assert!(read(&gpu, &listed).into_iter().eq(0..tiles), "{variant:?}");
+    }
 }

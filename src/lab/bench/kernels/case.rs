@@ -196,10 +196,7 @@ impl Workgroups {
     pub const fn subgroups(sizes: &'static [u32]) -> Workgroups {
         Workgroups {
             sizes,
-            fits: |caps, info, size| {
-                let full = size.is_multiple_of(caps.subgroup_size.max(1));
-                !info.uses_subgroups() || full
-            },
+            fits: |caps, info, size| !info.uses_subgroups() || caps.fills_subgroups(size),
         }
     }
 

@@ -72,7 +72,7 @@ pub fn run(bench: &mut Bench) -> Result<()> {
     for (count, size, sigma) in [(50_000, [480, 272], 3.0), (20_000, [1920, 1080], 60.0)] {
         let name = format!("{count}/{}x{}", size[0], size[1]);
         let make = |gpu: &Gpu| expand::scattered(gpu, count, size, sigma);
-        time(bench, ELEMENTWISE, name, make)?;
+        time(bench, FULL, name, make)?;
     }
     for size in [[480, 272], [1920, 1080]] {
         let name = format!("{}x{}", size[0], size[1]);

@@ -26,7 +26,7 @@ const PENALTIES: [f32; 3] = [0.125, 0.5, 0.75];
 /// Statistics of every splat before the step.
 const STATISTICS: [f32; 4] = [0.5, 3.0, 2.0, 7.0];
 
-/// Splats with records of one to four tiles each, and a few with many.
+/// Splats with records of one to four tiles each, and a few with many, of one sign: their sums do not cancel.
 pub struct SplatSums {
     /// The scene.
     pub scene: Scene,
@@ -71,7 +71,8 @@ impl SplatSums {
             sums.begins.push(sums.records.len() as u32);
             sums.tiles.push(tiles);
             for _ in 0..tiles {
-                sums.records.push([0; 9].map(|_| random.normal() as f32));
+                let record = [0; 9].map(|_| random.normal() as f32);
+                sums.records.push(if tiles > 4 { record.map(f32::abs) } else { record });
             }
         }
         sums
@@ -298,7 +299,7 @@ fn compare(sums: &SplatSums, gradients: &[[f32; 4]], statistics: &[[f32; 4]]) ->
     // aspect, a hundred for needles.
     let output = |((name, _), (f, e))| Output::relative(name, f, e, 4.8e-4, 1.0);
     let mut outputs: Vec<Output> = groups.into_iter().zip(columns).map(output).collect();
-    // A norm of two sums.
-    outputs.push(Output::relative("statistics", found, wanted, 1e-5, 1.0));
+    // A norm of two sums of products of about sixteen factors, left of terms larger by the aspect as well: 1600u.
+    outputs.push(Output::relative("statistics", found, wanted, 9.6e-5, 1.0));
     outputs
 }
