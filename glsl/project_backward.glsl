@@ -10,9 +10,9 @@
 //
 // One invocation per splat, given by its slot among the parameters. A splat's records are contiguous and are summed in
 // a fixed order, so that the result is the same in every run. The projection is recomputed, not stored. Also updates
-// the statistics for density control. If the frame took several bands, the records are those of one band, with all records
-// of its splats; splats of other bands are skipped. If the picture is in parts, the sums of records are kept in the
-// place of the gradient until all parts are added.
+// the statistics for density control. If the frame took several bands, the records are those of one band, with all
+// records of its splats; splats of other bands are skipped. If the picture is in parts, the sums of records are kept in
+// the place of the gradient until all parts are added.
 
 layout(constant_id = 0) const uint WORKGROUP = 64;
 layout(constant_id = 1) const uint SH_DEGREE = 3;
