@@ -9,5 +9,5 @@
 
 void main() {
     uint rank = counts[COUNT_BAND_BEGIN] + global_index();
-    if (rank < counts[COUNT_BAND_END]) expand_alone(slots_of(rank));
+    if (rank < counts[COUNT_BAND_END]) expand_alone(isects_of(rank));
 }

@@ -48,19 +48,20 @@ bool shows(float depth, uint tile) {
     return WITH_LIMIT == 0 || depth < limit_from_tile[tile];
 }
 
-// Splat of an invocation, and its first intersection and the end of those.
-struct Slots {
+// A splat, and first and end of its intersections.
+struct SplatIsects {
     uint splat;
-    uint next;
+    uint begin;
     uint end;
 };
 
-Slots slots_of(uint rank) {
-    Slots s;
+// Also stores the first, for the sums by splat.
+SplatIsects isects_of(uint rank) {
+    SplatIsects s;
     s.splat = splat_from_rank[rank];
-    s.next = isect_from_rank[rank] - counts[COUNT_BAND_BASE];
-    s.end = s.next + tile_count_from_splat[s.splat];
-    emitted_from_splat[s.splat] = s.next;
+    s.begin = isect_from_rank[rank] - counts[COUNT_BAND_BASE];
+    s.end = s.begin + tile_count_from_splat[s.splat];
+    emitted_from_splat[s.splat] = s.begin;
     return s;
 }
 
@@ -79,11 +80,11 @@ uint first_tile_of(int row) {
 }
 
 // Lists the intersections of a splat by one invocation.
-void expand_alone(Slots s) {
+void expand_alone(SplatIsects s) {
     float depth = depth_of_splat(s.splat);
     ivec2 rows;
     Cover cover = cover_of_splat(s.splat, depth, rows);
-    uint next = s.next;
+    uint next = s.begin;
     for (int row = rows.x; row <= rows.y; ++row) {
         ivec2 columns = columns_of(cover, row);
         uint begin_of_row = first_tile_of(row);

@@ -13,11 +13,11 @@
 // Most intersections of a splat that its invocation lists by itself.
 const uint OWN_TILES = 256;
 
-void expand_by_all(Slots s) {
+void expand_by_all(SplatIsects s) {
     float depth = depth_of_splat(s.splat);
     ivec2 rows;
     Cover cover = cover_of_splat(s.splat, depth, rows);
-    uint next = s.next;
+    uint next = s.begin;
     int lane = int(gl_SubgroupInvocationID);
     for (int row = rows.x; row <= rows.y; ++row) {
         ivec2 columns = columns_of(cover, row);
@@ -35,14 +35,14 @@ void expand_by_all(Slots s) {
 
 void main() {
     uint rank = counts[COUNT_BAND_BEGIN] + global_index();
-    Slots own = Slots(0, 0, 0);
-    if (rank < counts[COUNT_BAND_END]) own = slots_of(rank);
-    bool alone = own.end - own.next <= OWN_TILES;
-    if (alone && own.next < own.end) expand_alone(own);
+    SplatIsects own = SplatIsects(0, 0, 0);
+    if (rank < counts[COUNT_BAND_END]) own = isects_of(rank);
+    bool alone = own.end - own.begin <= OWN_TILES;
+    if (alone && own.begin < own.end) expand_alone(own);
     uvec4 waiting = subgroupBallot(!alone);
     while (any(notEqual(waiting, uvec4(0)))) {
         uint lane = subgroupBallotFindLSB(waiting);
-        expand_by_all(Slots(subgroupShuffle(own.splat, lane), subgroupShuffle(own.next, lane),
+        expand_by_all(SplatIsects(subgroupShuffle(own.splat, lane), subgroupShuffle(own.begin, lane),
                             subgroupShuffle(own.end, lane)));
         waiting &= ~subgroupBallot(gl_SubgroupInvocationID == lane);
     }

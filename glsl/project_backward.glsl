@@ -57,8 +57,8 @@ struct Gradient {
 };
 
 // Gradient of a splat's colour and its viewing direction; zero if it is not visible.
-struct Seen {
-    bool any;
+struct ColorGradient {
+    bool is_visible;
     vec3 direction;
     float distance;
     vec3 d_color;
@@ -168,7 +168,7 @@ FootprintGradient surfel_backward(uint splat, vec3 mean_view, vec3 normal_world,
 
 // Adds the gradient of a visible splat's geometry; `scale` is before smoothing. Returns dL/d mean_pixel.
 vec2 visible_backward(uint slot, uint splat, vec3 scale, Sums records, SurfelSums more, vec4 by_surface,
-                      inout Gradient gradient, out Seen seen) {
+                      inout Gradient gradient, out ColorGradient by_color) {
     vec4 mean = params[slot];
     vec4 rotation = params[push.stride + slot];
     vec3 offset = mean.xyz - view.position;
@@ -216,10 +216,10 @@ vec2 visible_backward(uint slot, uint splat, vec3 scale, Sums records, SurfelSum
     if (SURFEL == 0 && WITH_SURFACE != 0) gradient.mean += plane.mean;
 
     vec3 color = vec3(whiten_rg_from_splat[splat].zw, blue_depth_from_splat[splat].x);
-    seen.any = true;
-    seen.distance = vector_length(offset);
-    seen.direction = offset / seen.distance;
-    seen.d_color = mix(vec3(0.0), vec3(records.tone.zw, records.rest), greaterThan(color, vec3(0.0)));
+    by_color.is_visible = true;
+    by_color.distance = vector_length(offset);
+    by_color.direction = offset / by_color.distance;
+    by_color.d_color = mix(vec3(0.0), vec3(records.tone.zw, records.rest), greaterThan(color, vec3(0.0)));
     return d.mean_pixel;
 }
 
@@ -253,9 +253,9 @@ void main() {
     gradient.quaternion = vec4(0.0);
     gradient.log_scale = sound ? (push.scale_penalty + push.size_penalty * scale) * scale : vec3(0.0);
 
-    Seen seen = Seen(false, vec3(0.0, 0.0, 1.0), 1.0, vec3(0.0));
+    ColorGradient by_color = ColorGradient(false, vec3(0.0, 0.0, 1.0), 1.0, vec3(0.0));
     if (tile_count != 0) {
-        vec2 d_mean_pixel = visible_backward(slot, splat, scale, records, more, by_surface, gradient, seen);
+        vec2 d_mean_pixel = visible_backward(slot, splat, scale, records, more, by_surface, gradient, by_color);
         vec4 known = statistics[splat];
         // Half the image size turns pixels into normalised device coordinates.
         float pull = length(d_mean_pixel * 0.5 * vec2(view.size));
@@ -266,12 +266,12 @@ void main() {
         known.z = max(known.z, max(e.extent.x, e.extent.y));
         statistics[splat] = known;
     }
-    vec3 d_direction = direction_backward(slot, seen.any, seen.direction, seen.d_color);
-    vec3 along = seen.direction * dot(seen.direction, d_direction);
-    if (seen.any) gradient.mean += (d_direction - along) / seen.distance;
+    vec3 d_direction = direction_backward(slot, by_color.is_visible, by_color.direction, by_color.d_color);
+    vec3 along = by_color.direction * dot(by_color.direction, d_direction);
+    if (by_color.is_visible) gradient.mean += (d_direction - along) / by_color.distance;
     d_params[slot] = vec4(gradient.mean, gradient.opacity_logit);
     d_params[push.stride + slot] = gradient.quaternion;
     d_params[2 * push.stride + slot] = vec4(gradient.log_scale, 0.0);
-    d_params[D_COLOR_PLANE * push.stride + slot] = vec4(seen.d_color, 0.0);
-    d_params[DIRECTION_PLANE * push.stride + slot] = vec4(seen.direction, 0.0);
+    d_params[D_COLOR_PLANE * push.stride + slot] = vec4(by_color.d_color, 0.0);
+    d_params[DIRECTION_PLANE * push.stride + slot] = vec4(by_color.direction, 0.0);
 }

@@ -10,14 +10,10 @@
 // whole subgroup, so that it does not keep the others waiting. The workgroup consists of full subgroups.
 
 #include "project_backward.glsl"
+#include "shared/across.glsl"
 
 // Most records of a splat that its invocation sums by itself.
 const uint OWN_RECORDS = 32;
-
-vec4 from_across(vec4 v, uint mask) {
-    return vec4(subgroupShuffleXor(v.x, mask), subgroupShuffleXor(v.y, mask), subgroupShuffleXor(v.z, mask),
-                subgroupShuffleXor(v.w, mask));
-}
 
 // Adds up the lanes' sums, by halves of the subgroup.
 void add_lanes(inout Sums sum, inout SurfelSums more, inout vec4 by_surface) {

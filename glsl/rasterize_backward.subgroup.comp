@@ -11,14 +11,10 @@
 
 #include "rasterize_backward.glsl"
 #include "shared/stage.shuffle.glsl"
+#include "shared/across.glsl"
 
 uint max_of_lanes(uint mine) {
     return subgroupMax(mine);
-}
-
-vec4 from_across(vec4 v, uint mask) {
-    return vec4(subgroupShuffleXor(v.x, mask), subgroupShuffleXor(v.y, mask), subgroupShuffleXor(v.z, mask),
-                subgroupShuffleXor(v.w, mask));
 }
 
 void add_from_across(inout Sums mine, Sums other, uint mask) {

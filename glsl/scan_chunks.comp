@@ -19,9 +19,7 @@ layout(push_constant, scalar) uniform Push {
 
 shared uint run_sum[WORKGROUP];
 
-uint add_saturating(uint a, uint b) {
-    return a + min(b, ~a);
-}
+#include "shared/saturating.glsl"
 
 void main() {
     uint lane = gl_LocalInvocationID.x;

@@ -1,10 +1,8 @@
-// Prefix sum over the lanes of a workgroup of WORKGROUP lanes, in shared memory. Sums saturate at 2^32 - 1.
+// Saturating prefix sum over the lanes of a workgroup of WORKGROUP lanes, in shared memory.
+
+#include "shared/saturating.glsl"
 
 shared uint sum_to_lane[WORKGROUP];
-
-uint add_saturating(uint a, uint b) {
-    return a + min(b, ~a);
-}
 
 // Sum of the values of the lanes before this one, and of all. All lanes call it.
 uint sum_of_lanes_before(uint mine, out uint total) {

@@ -21,7 +21,7 @@ pub mod sort;
 pub use generated::*;
 
 use crate::Result;
-use crate::gpu::Gpu;
+use crate::gpu::{Caps, DeviceKind, Gpu};
 use crate::shader::KernelInfo;
 
 /// A kernel by its generated type: its variants, and compilation of one of them.
@@ -42,6 +42,11 @@ pub trait Kernel: Sized {
     /// # Errors
     /// Where the device cannot run the variant, or Vulkan fails.
     fn compile(gpu: &Gpu, choice: Self::Choice) -> Result<Self>;
+}
+
+/// True if lanes of full subgroups work together in `kernel`; not on processors, which run one lane after the other.
+fn subgroups_help(caps: &Caps, kernel: &KernelInfo, workgroup: u32) -> bool {
+    caps.kind != DeviceKind::Cpu && caps.supports(kernel).is_ok() && caps.fills_subgroups(workgroup)
 }
 
 /// Bindings of a kernel that walks the tiles' lists: lists and ellipses from a struct of buffers, then its own.

@@ -2,9 +2,9 @@
 
 pub use super::generated::project_backward::*;
 use super::rasterize::Outputs;
+use super::subgroups_help;
 use crate::Result;
-use crate::gpu::{Caps, DeviceKind, Gpu};
-use crate::shader::KernelInfo;
+use crate::gpu::{Caps, Gpu};
 
 /// Choices of the kernels that read parameters.
 macro_rules! of_degree {
@@ -22,17 +22,11 @@ macro_rules! of_degree {
 
 of_degree! { project project_backward adam_color pose_gradient }
 
-/// True if subgroups help their lanes with large splats by `kernel`; not on processors, which run one lane after the
-/// other.
-pub(super) fn by_subgroup(caps: &Caps, kernel: &KernelInfo) -> bool {
-    caps.kind != DeviceKind::Cpu && caps.supports(kernel).is_ok() && caps.fills_subgroups(Spec::default().workgroup)
-}
-
 impl Choice {
     /// Choice for a device and splats of `sh_degree`.
     pub fn prefer(caps: &Caps, sh_degree: u32) -> Choice {
         let mut choice = Choice::of_degree(sh_degree);
-        if by_subgroup(caps, Variant::Subgroup.info()) {
+        if subgroups_help(caps, Variant::Subgroup.info(), Spec::default().workgroup) {
             choice.variant = Variant::Subgroup;
         }
         choice
@@ -40,7 +34,7 @@ impl Choice {
 
     /// Reason for that choice, one sentence.
     pub fn why(caps: &Caps) -> &'static str {
-        match by_subgroup(caps, Variant::Subgroup.info()) {
+        match subgroups_help(caps, Variant::Subgroup.info(), Spec::default().workgroup) {
             true => "a subgroup sums the records of each splat with many tiles, and no lane waits for another's splat",
             false => "each invocation sums its splat's records: a processor runs one lane after the other",
         }

@@ -2,7 +2,7 @@
 //! scatter.
 
 use super::scan::{Io as ScanBuffers, Scan, What};
-use super::{sort_count, sort_scatter};
+use super::{sort_count, sort_scatter, subgroups_help};
 use crate::Result;
 use crate::gpu::{Buffer, Caps, DeviceKind, Gpu, Groups, Recorder};
 use crate::layout::{COUNT_SCRATCH, DispatchArgs, SORT_DIGITS_MAX};
@@ -84,13 +84,10 @@ const KEYS_PER_ENTRY: u32 = 24;
 /// Workgroup size of the variants with a workgroup per chunk.
 const SUBGROUP_WORKGROUP: u32 = 256;
 
-/// True if a workgroup sorts each chunk; not on processors, which run one lane after the other. Both kernels of the
-/// sort use this, because both must divide the keys alike.
+/// True if a workgroup sorts each chunk. Both kernels of the sort use this, because both must divide the keys alike.
 fn by_subgroup(caps: &Caps) -> bool {
-    caps.kind != DeviceKind::Cpu
-        && caps.supports(sort_scatter::Variant::Subgroup.info()).is_ok()
-        && caps.max_workgroup >= SUBGROUP_WORKGROUP
-        && caps.fills_subgroups(SUBGROUP_WORKGROUP)
+    let scatter = sort_scatter::Variant::Subgroup.info();
+    caps.max_workgroup >= SUBGROUP_WORKGROUP && subgroups_help(caps, scatter, SUBGROUP_WORKGROUP)
 }
 
 macro_rules! choices {

@@ -42,7 +42,7 @@ use super::input::random::Random;
 use super::input::scene::{flattened, scattered};
 use super::session::{Bench, Case};
 use crate::Result;
-use crate::gpu::{Buffer, Caps, DeviceKind, Gpu};
+use crate::gpu::{Buffer, Caps, DeviceKind, Gpu, Groups};
 use crate::kernels::Kernel;
 use crate::kernels::rasterize::Outputs;
 use crate::layout::COUNT_SLOTS;
@@ -234,6 +234,12 @@ fn sizes(caps: &Caps) -> &'static [usize] {
         DeviceKind::Cpu => &[1 << 14, 1 << 17],
         _ => &[1 << 14, 1 << 17, 1 << 20],
     }
+}
+
+/// Dispatch over chunks with a workgroup each, or with an invocation each.
+fn chunk_groups(chunks: usize, by_workgroup: bool, workgroup: u32) -> Groups<'static> {
+    let per_group = if by_workgroup { 1 } else { workgroup };
+    Groups::Count((chunks as u32).div_ceil(per_group))
 }
 
 /// At most `most` of `count` indices, evenly spaced.

@@ -1,6 +1,6 @@
 //! Cases of the prefix sum: each of its three kernels, and all of them.
 
-use super::{KernelCase, counts, read};
+use super::{KernelCase, chunk_groups, counts, read};
 use crate::Result;
 use crate::gpu::{Buffer, Gpu, Groups};
 use crate::kernels::scan::{Io, Scan, What};
@@ -23,12 +23,6 @@ pub fn chunk_sums(values: &[u32], flags: bool) -> Vec<u32> {
     values.chunks(SCAN_CHUNK as usize).map(sum).collect()
 }
 
-/// Dispatch with a workgroup a chunk, or with an invocation a chunk.
-fn groups(chunks: usize, by_workgroup: bool, workgroup: u32) -> Groups<'static> {
-    let per_group = if by_workgroup { 1 } else { workgroup };
-    Groups::Count((chunks as u32).div_ceil(per_group))
-}
-
 /// Sums of each chunk of values.
 pub fn reduce<'a>(gpu: &Gpu, values: &[u32], flags: bool) -> Result<KernelCase<'a, scan_reduce::ScanReduce>> {
     let (len, expected) = (values.len(), chunk_sums(values, flags));
@@ -48,7 +42,7 @@ pub fn reduce<'a>(gpu: &Gpu, values: &[u32], flags: bool) -> Result<KernelCase<'
             flags: flags.into(),
         };
         let by_workgroup = choice.variant == scan_reduce::Variant::Workgroup;
-        kernel.record(rec, io, params, groups(chunks, by_workgroup, kernel.workgroup));
+        kernel.record(rec, io, params, chunk_groups(chunks, by_workgroup, kernel.workgroup));
     }))
 }
 
@@ -112,7 +106,12 @@ pub fn apply<'a>(gpu: &Gpu, values: &[u32], flags: bool) -> Result<KernelCase<'a
             flags: flags.into(),
         };
         let by_workgroup = choice.variant == scan_apply::Variant::Workgroup;
-        kernel.record(rec, io, params, groups(starts.len(), by_workgroup, kernel.workgroup));
+        kernel.record(
+            rec,
+            io,
+            params,
+            chunk_groups(starts.len(), by_workgroup, kernel.workgroup),
+        );
     }))
 }
 

@@ -1,8 +1,8 @@
 //! Cases of the radix sort: both halves of a pass, and whole sorts.
 
-use super::{KernelCase, Workgroups, counts, read, time};
+use super::{KernelCase, Workgroups, chunk_groups, counts, read, time};
 use crate::Result;
-use crate::gpu::{Buffer, DeviceKind, Gpu, Groups, Recorder};
+use crate::gpu::{Buffer, DeviceKind, Gpu, Recorder};
 use crate::kernels::scan::Scan;
 use crate::kernels::sort::{Io, Layout, Sort};
 use crate::kernels::{Kernel, sort_count, sort_scatter};
@@ -87,12 +87,6 @@ impl Digit {
         let chunks = (COUNT_ISECT_CHUNK, self.chunks as u32);
         counts(gpu, &[(COUNT_ISECT, keys as u32), chunks])
     }
-
-    /// Dispatch with a workgroup a chunk, or with an invocation a chunk.
-    fn groups(self, by_workgroup: bool, workgroup: u32) -> Groups<'static> {
-        let per_group = if by_workgroup { 1 } else { workgroup };
-        Groups::Count((self.chunks as u32).div_ceil(per_group))
-    }
 }
 
 /// Digits counted by chunk.
@@ -115,7 +109,8 @@ pub fn count<'a>(gpu: &Gpu, keys: &[u32], digit: Digit) -> Result<KernelCase<'a,
             shift: digit.shift,
             digit_count: 1 << digit.bits,
         };
-        let groups = digit.groups(choice.variant == sort_count::Variant::Subgroup, kernel.workgroup);
+        let by_workgroup = choice.variant == sort_count::Variant::Subgroup;
+        let groups = chunk_groups(digit.chunks, by_workgroup, kernel.workgroup);
         kernel.record(rec, io, params, groups);
     }))
 }
@@ -154,7 +149,8 @@ pub fn scatter<'a>(gpu: &Gpu, keys: &[u32], digit: Digit) -> Result<KernelCase<'
             shift: digit.shift,
             digit_count: 1 << digit.bits,
         };
-        let groups = digit.groups(choice.variant == sort_scatter::Variant::Subgroup, kernel.workgroup);
+        let by_workgroup = choice.variant == sort_scatter::Variant::Subgroup;
+        let groups = chunk_groups(digit.chunks, by_workgroup, kernel.workgroup);
         kernel.record(rec, io, params, groups);
     }))
 }
