@@ -49,7 +49,6 @@ pub use faults::Faults;
 pub use features::{HostFeatures, MissingStruct};
 pub use frame::{Frames, Ticket};
 pub use frame_slot::STAGING_BYTES;
-pub use hazards::Hazards;
 pub use host::{HostCommands, HostDevice, HostImage, HostImageDesc, HostQueue, ImageWords};
 pub use image::{Image, ImageState};
 pub use memory::MemoryUse;

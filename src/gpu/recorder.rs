@@ -7,6 +7,7 @@ use super::buffer::{Buffer, RawBuffer};
 use super::descriptors::BINDINGS_MAX;
 use super::device::Gpu;
 use super::frame_slot::FrameSlot;
+use super::hazards::Reach;
 use super::image::{Image, ImageState, whole};
 use super::pipeline::{Pipeline, RawPipeline};
 use super::slot::{Groups, Slot, SlotKind};
@@ -64,6 +65,15 @@ const STAGES: vk::PipelineStageFlags2 = vk::PipelineStageFlags2::from_raw(
 const WRITES: vk::AccessFlags2 = vk::AccessFlags2::from_raw(
     vk::AccessFlags2::SHADER_STORAGE_WRITE.as_raw() | vk::AccessFlags2::TRANSFER_WRITE.as_raw(),
 );
+/// Stage and accesses of shaders.
+const SHADERS: BarrierScope = (
+    vk::PipelineStageFlags2::COMPUTE_SHADER,
+    vk::AccessFlags2::from_raw(
+        vk::AccessFlags2::SHADER_STORAGE_READ.as_raw()
+            | vk::AccessFlags2::SHADER_SAMPLED_READ.as_raw()
+            | vk::AccessFlags2::SHADER_STORAGE_WRITE.as_raw(),
+    ),
+);
 /// Reads of this crate's commands.
 const READS: vk::AccessFlags2 = vk::AccessFlags2::from_raw(
     vk::AccessFlags2::SHADER_STORAGE_READ.as_raw()
@@ -85,12 +95,16 @@ impl<'a> Recorder<'a> {
     /// Memory barrier between earlier and later commands of this crate: of other commands before it and after it in the
     /// queue, only those of the same stages are ordered.
     pub(super) fn barrier(&mut self) {
-        self.order();
+        self.order(Reach::All);
         self.slot.hazards.barrier();
     }
 
-    fn order(&self) {
-        self.memory_barrier((STAGES, WRITES), (STAGES, WRITES | READS));
+    fn order(&self, reach: Reach) {
+        let after = match reach {
+            Reach::Shaders => SHADERS,
+            Reach::All => (STAGES, WRITES | READS),
+        };
+        self.memory_barrier((STAGES, WRITES), after);
     }
 
     /// Memory barrier that makes copies visible to the host.
@@ -110,9 +124,14 @@ impl<'a> Recorder<'a> {
         unsafe { self.device().cmd_pipeline_barrier2(self.commands, &info) };
     }
 
+    /// Orders a transfer behind earlier commands.
     pub(super) fn access(&mut self, accesses: &[(u64, Access)]) {
-        if self.slot.hazards.command(accesses) {
-            self.order();
+        self.order_accesses(&[], accesses);
+    }
+
+    fn order_accesses(&mut self, shader: &[(u64, Access)], other: &[(u64, Access)]) {
+        if let Some(reach) = self.slot.hazards.command(shader, other) {
+            self.order(reach);
         }
     }
 
@@ -128,16 +147,15 @@ impl<'a> Recorder<'a> {
         if self.failed.is_some() {
             return;
         }
-        let mut accesses = [(0, Access::Read); BINDINGS_MAX + 1];
+        let mut accesses = [(0, Access::Read); BINDINGS_MAX];
         for (i, (slot, binding)) in slots.iter().zip(raw.info.bindings).enumerate() {
             accesses[i] = (slot.id(), binding.access);
         }
-        let mut count = slots.len();
-        if let Groups::Indirect(args, _) = groups {
-            accesses[count] = (args.id(), Access::Read);
-            count += 1;
-        }
-        self.access(&accesses[..count]);
+        let arguments = match groups {
+            Groups::Indirect(args, _) => Some((args.id(), Access::Read)),
+            _ => None,
+        };
+        self.order_accesses(&accesses[..slots.len()], arguments.as_slice());
         let set = match self.slot.arena.set(&pipeline.0, slots) {
             Ok(set) => set,
             Err(error) => return self.fail(error),
