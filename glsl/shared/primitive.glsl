@@ -161,30 +161,43 @@ ivec2 tile_rows(Ellipse e, uvec2 size) {
     return cells(low, high, TILE_HEIGHT, size.y);
 }
 
-// Columns of tiles in one row of tiles touched by the ellipse or its square.
-ivec2 tile_columns(Ellipse e, int row, uvec2 size) {
-    if (e.square > 0.0) return inria_tiles(e.mean.x, e.square, TILE_WIDTH, size.x);
-    // The strip between the row's first and last pixel centres in the image, clipped to the ellipse.
-    precise float top = max(float(row) * float(TILE_HEIGHT) + 0.5 - e.mean.y, -e.extent.y);
-    float end = min(float(row + 1) * float(TILE_HEIGHT), float(size.y));
-    precise float bottom = min(end - 0.5 - e.mean.y, e.extent.y);
+// Part of the rows from `first` to `last`, in pixels of the picture, within the ellipse: from its mean; empty if x > y.
+vec2 strip_of(Ellipse e, float first, float last) {
+    precise float top = max(first - e.mean.y, -e.extent.y);
+    precise float bottom = min(last - e.mean.y, e.extent.y);
+    return vec2(top, bottom);
+}
+
+// Leftmost and rightmost place of the ellipse in a strip, slightly wider than exact.
+vec2 sides_in(Ellipse e, vec2 strip) {
     precise float reach = e.slope_x * e.extent.x;
-    precise float y_right = clamp(reach, top, bottom);
-    precise float y_left = clamp(-reach, top, bottom);
+    precise float y_right = clamp(reach, strip.x, strip.y);
+    precise float y_left = clamp(-reach, strip.x, strip.y);
     precise float half_right = sqrt(max(e.level - y_right * y_right / e.yy, 0.0) * e.x_from_y);
     precise float half_left = sqrt(max(e.level - y_left * y_left / e.yy, 0.0) * e.x_from_y);
     precise float right = e.mean.x + e.slope_y * y_right + half_right + 1e-3;
     precise float left = e.mean.x + e.slope_y * y_left - half_left - 1e-3;
-    return cells(left, right, TILE_WIDTH, size.x);
+    return vec2(left, right);
+}
+
+// Columns of tiles in one row of tiles touched by the ellipse or its square.
+ivec2 tile_columns(Ellipse e, int row, uvec2 size) {
+    if (e.square > 0.0) return inria_tiles(e.mean.x, e.square, TILE_WIDTH, size.x);
+    // The strip between the row's first and last pixel centres in the image.
+    float end = min(float(row + 1) * float(TILE_HEIGHT), float(size.y));
+    vec2 strip = strip_of(e, float(row) * float(TILE_HEIGHT) + 0.5, end - 0.5);
+    vec2 sides = sides_in(e, strip);
+    return cells(sides.x, sides.y, TILE_WIDTH, size.x);
 }
 
 // A splat along one column of pixels: the exponent of alpha is top - (scale * (row - row_zero))^2. Forward and backward
-// share this, for equal alphas.
+// share this, for equal alphas; so do all divisions of a tile among lanes, since rows count from the tile's corner.
 struct Column {
     float f_x;      // whitened residual in x, the same for the whole column
     float top;
     float scale;
     float row_zero;
+    float row;      // the lane's first row
 };
 
 Column column_of(Tile t, vec4 shape, vec4 tone) {
@@ -194,18 +207,27 @@ Column column_of(Tile t, vec4 shape, vec4 tone) {
     Column c;
     precise float f_x = dx * tone.x;
     precise float top = shape.w - f_x * f_x;
-    precise float row_zero = mean.y + shape.z * dx - float(t.y);
+    precise float row_zero = mean.y + shape.z * dx;
     c.f_x = f_x;
     c.top = top;
     c.scale = tone.y;
     c.row_zero = row_zero;
+    c.row = float(t.y);
     return c;
 }
 
 // log2 of alpha before its cap, for quad `q`; `f` is the whitened residual in y.
 vec4 exponent_of(Column c, uint q, out vec4 f) {
-    precise vec4 residual = (vec4(0.5, 1.5, 2.5, 3.5) + float(q * 4) - c.row_zero) * c.scale;
+    precise vec4 residual = (vec4(0.5, 1.5, 2.5, 3.5) + (c.row + float(q * 4)) - c.row_zero) * c.scale;
     precise vec4 exponent = c.top - residual * residual;
+    f = residual;
+    return exponent;
+}
+
+// The same in one row, from the lane's first.
+float exponent_in_row(Column c, uint row, out float f) {
+    precise float residual = (0.5 + (c.row + float(row)) - c.row_zero) * c.scale;
+    precise float exponent = c.top - residual * residual;
     f = residual;
     return exponent;
 }

@@ -107,7 +107,8 @@ mod tests {
     }
 
     proptest! {
-        /// Every conflicting pair is separated by a barrier that reaches the later one, and every barrier separates one.
+        /// Every conflicting pair is separated by a barrier that reaches the later one, and every barrier separates
+        /// one.
         #[test]
         fn barriers_stand_where_accesses_conflict(
             commands in proptest::collection::vec((accesses(), accesses()), 0..20)

@@ -27,6 +27,9 @@ const ON_PROCESSORS: &str = "benches/record/llvmpipe-llvm-15-0-6-256-bits/2026-1
 /// Measurements on discrete GPUs.
 const ON_GPUS: &str = "benches/record/nvidia-h200/2026-11-26.csv";
 
+/// Measurements of kernels in blocks there.
+const OF_BLOCKS: &str = "benches/record/nvidia-h100/2026-11-26.csv";
+
 /// Reason for kernels of one invocation per element.
 const ELEMENTWISE: &str = "the only variant; 64 invocations as in all kernels of one per element, so that `plan` \
                            divides by one number";
@@ -57,6 +60,8 @@ pub fn chosen(caps: &Caps) -> Vec<KernelChoice> {
         DeviceKind::Discrete => Some(ON_GPUS),
         _ => None,
     };
+    let blocks = measured.map(|_| OF_BLOCKS);
+    let colors = rasterize::Outputs::TRAINING;
     macro_rules! chosen {
         ($($kernel:ident: $choice:expr, $why:expr;)*) => {
             vec![$({
@@ -66,7 +71,7 @@ pub fn chosen(caps: &Caps) -> Vec<KernelChoice> {
                     variant: choice.variant.name(),
                     spec: words(&format!("{:?}", choice.spec)),
                     why: $why,
-                    record: measured,
+                    record: if choice.variant.name() == "blocks" { blocks } else { measured },
                 }
             }),*]
         };
@@ -75,7 +80,7 @@ pub fn chosen(caps: &Caps) -> Vec<KernelChoice> {
         adam: adam::Choice::default(), ELEMENTWISE;
         adam_color: adam_color::Choice::of_degree(3), ELEMENTWISE;
         compact: compact::Choice::default(), ELEMENTWISE;
-        contribution: contribution::Choice::prefer(caps), contribution::Choice::why(caps);
+        contribution: contribution::Choice::prefer(caps, colors), contribution::Choice::why(caps);
         delinearize: delinearize::Choice::default(), ELEMENTWISE;
         expand: expand::Choice::prefer(caps), expand::Choice::why(caps);
         gather: gather::Choice::default(), ELEMENTWISE;
@@ -92,13 +97,13 @@ pub fn chosen(caps: &Caps) -> Vec<KernelChoice> {
         present: present::Choice::default(), FIXED;
         project: project::Choice::of_degree(3), ELEMENTWISE;
         project_backward: project_backward::Choice::prefer(caps, 3), project_backward::Choice::why(caps);
-        prune_limit: prune_limit::Choice::prefer(caps), prune_limit::Choice::why(caps);
+        prune_limit: prune_limit::Choice::prefer(caps, colors), prune_limit::Choice::why(caps);
         ranges: ranges::Choice::default(), ELEMENTWISE;
-        rasterize: rasterize::Choice::prefer(caps), rasterize::Choice::why(caps);
-        rasterize_backward: rasterize_backward::Choice::prefer(caps),
+        rasterize: rasterize::Choice::prefer(caps, colors), rasterize::Choice::why(caps);
+        rasterize_backward: rasterize_backward::Choice::prefer(caps, colors),
             rasterize_backward::Choice::why(caps);
         rasterize_inria: rasterize_inria::Choice::default(), INRIA;
-        removal_error: removal_error::Choice::prefer(caps), removal_error::Choice::why(caps);
+        removal_error: removal_error::Choice::prefer(caps, colors), removal_error::Choice::why(caps);
         scan_apply: scan_apply::Choice::prefer(caps), scan::why(caps);
         scan_chunks: scan_chunks::Choice::prefer(caps), scan::why(caps);
         scan_reduce: scan_reduce::Choice::prefer(caps), scan::why(caps);
@@ -178,10 +183,22 @@ mod tests {
             let choice = chosen(caps).into_iter().find(|choice| choice.kernel == kernel);
             choice.map(|choice| (choice.variant, choice.spec, choice.why))
         };
-        let wide = of("rasterize", &caps(DeviceKind::Discrete, 32, &all));
-        let none = of("rasterize", &caps(DeviceKind::Discrete, 32, &[]));
-        assert_ne!(wide, none);
-        assert!(wide.is_some_and(|(variant, spec, _)| { variant == "subgroup" && spec.contains("workgroup 32") }));
+        let wide = |kernel: &str, kind| {
+            let (variant, spec, why) = of(kernel, &caps(kind, 32, &all))?;
+            let none = of(kernel, &caps(kind, 32, &[]))?;
+            assert_ne!((variant, why), (none.0, none.2));
+            Some((variant, spec.split(',').next()?.to_owned()))
+        };
+        let (subgroup, blocks) = (("subgroup", "workgroup 32"), ("blocks", "workgroup 64"));
+        for (kernel, kind, expected) in [
+            ("contribution", DeviceKind::Discrete, subgroup),
+            ("rasterize", DeviceKind::Cpu, subgroup),
+            ("rasterize", DeviceKind::Discrete, blocks),
+            ("rasterize_backward", DeviceKind::Discrete, blocks),
+        ] {
+            let (variant, lanes) = expected;
+            assert_eq!(wide(kernel, kind), Some((variant, lanes.to_owned())), "{kernel}");
+        }
         let processor = of("sort_scatter", &caps(DeviceKind::Cpu, 8, &all));
         let other = of("sort_scatter", &caps(DeviceKind::Discrete, 32, &all));
         assert_ne!(processor.map(|c| c.2), other.map(|c| c.2));

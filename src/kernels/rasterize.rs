@@ -1,6 +1,7 @@
 //! Composites the sorted splats of every tile into an image, front to back.
 
 pub use super::generated::rasterize::*;
+use super::subgroups_help;
 use crate::gpu::{Caps, DeviceKind};
 use crate::shader::KernelInfo;
 
@@ -11,9 +12,25 @@ fn lanes(caps: &Caps, kernel: &KernelInfo) -> (bool, u32) {
     (subgroup, if subgroup { caps.subgroup_size.min(32) } else { 8 })
 }
 
-/// Reason for [`lanes`], one sentence.
-fn why(caps: &Caps, kernel: &KernelInfo) -> &'static str {
-    match (lanes(caps, kernel), caps.kind) {
+/// Lanes of a tile in blocks of rows.
+const BLOCK_LANES: u32 = 64;
+
+/// Shared memory of such a workgroup, bytes, at most.
+const BLOCK_SHARED: u32 = 16 << 10;
+
+/// True if a device composites a tile in blocks by `kernel`.
+fn by_blocks(caps: &Caps, kernel: &KernelInfo) -> bool {
+    let fits = caps.max_workgroup >= BLOCK_LANES && caps.max_shared >= BLOCK_SHARED;
+    fits && caps.subgroup_size >= 8 && subgroups_help(caps, kernel, BLOCK_LANES)
+}
+
+/// Reason for the choice of a kernel with these variants, one sentence.
+fn why(caps: &Caps, subgroup: &KernelInfo, best: &KernelInfo) -> &'static str {
+    match (lanes(caps, subgroup), caps.kind) {
+        ((true, _), _) if best.variant != subgroup.variant && by_blocks(caps, best) => {
+            "two pixels a lane, and a block of rows a subgroup, which passes over splats that miss it; surfaces and \
+             surfels have one subgroup a tile"
+        }
         ((true, _), DeviceKind::Cpu) => {
             "one subgroup a tile, many pixels a lane: lanes fetch a splat each, pass it round and agree without \
              shared memory"
@@ -56,14 +73,20 @@ impl Outputs {
         surfels: false,
         ids: false,
     };
+
+    /// Whether frames need the planes of splats.
+    pub fn has_planes(&self) -> bool {
+        self.surface || self.surfels
+    }
 }
 
-/// Choices of the kernels that walk each tile's list.
+/// Choices of the kernels that walk each tile's list, with the best variant for many lanes.
 macro_rules! choices {
-    ($($kernel:ident)*) => {$(
+    ($($kernel:ident: $best:ident;)*) => {$(
         impl super::generated::$kernel::Choice {
-            /// Choice for a device: one subgroup if it can vote and add, with at least four pixels a lane.
-            pub fn prefer(caps: &Caps) -> Self {
+            /// Choice for a device and frames with these outputs: blocks of rows on devices of many lanes, where a
+            /// variant has them; else one subgroup if it can vote and add, with at least four pixels a lane.
+            pub fn prefer(caps: &Caps, outputs: Outputs) -> Self {
                 use super::generated::$kernel::Variant;
                 let (subgroup, workgroup) = lanes(caps, Variant::Subgroup.info());
                 let mut choice = Self::default();
@@ -71,19 +94,31 @@ macro_rules! choices {
                 if subgroup {
                     choice.variant = Variant::Subgroup;
                 }
-                choice
+                let best = Variant::$best;
+                let has_blocks = subgroup && best != Variant::Subgroup && by_blocks(caps, best.info());
+                if has_blocks && !outputs.has_planes() {
+                    choice.variant = best;
+                    choice.spec.workgroup = BLOCK_LANES;
+                }
+                choice.of_outputs(outputs)
             }
 
             /// Reason for that choice, one sentence.
             pub fn why(caps: &Caps) -> &'static str {
                 use super::generated::$kernel::Variant;
-                why(caps, Variant::Subgroup.info())
+                why(caps, Variant::Subgroup.info(), Variant::$best.info())
             }
         }
     )*};
 }
 
-choices! { contribution prune_limit rasterize rasterize_backward removal_error }
+choices! {
+    contribution: Subgroup;
+    prune_limit: Subgroup;
+    rasterize: Blocks;
+    rasterize_backward: Blocks;
+    removal_error: Subgroup;
+}
 
 /// Outputs of the kernels that composite.
 macro_rules! outputs {

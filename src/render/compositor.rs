@@ -22,7 +22,7 @@ impl Compositor {
         let caps = gpu.caps();
         Ok(match options.compatibility {
             Compatibility::Engine => {
-                let mut choice = rasterize::Choice::prefer(caps).of_outputs(outputs);
+                let mut choice = rasterize::Choice::prefer(caps, outputs);
                 choice.spec.log2_alpha_min = options.accuracy.log2_alpha_min();
                 choice.spec.t_min = options.accuracy.transmittance_min;
                 Compositor::Engine(rasterize::Rasterize::new(gpu, choice)?)

@@ -101,7 +101,7 @@ impl Forward {
             expand: expand::Expand::new(gpu, listing(0).1)?,
             ranges: ranges::Ranges::new(gpu, ranges::Choice::default())?,
             compositor: Compositor::new(gpu, options, outputs)?,
-            with_planes: outputs.surface || outputs.surfels,
+            with_planes: outputs.has_planes(),
             primitive: options.primitive,
             group_limit: caps.max_groups[0],
             list_limit: list_limit(caps.kind),

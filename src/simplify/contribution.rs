@@ -90,9 +90,9 @@ impl Kernels {
     pub(super) fn new(gpu: &Gpu, compatibility: Compatibility, primitive: Primitive) -> Result<Arc<Kernels>> {
         let (caps, outputs) = (gpu.caps(), outputs(primitive));
         let inria = u32::from(compatibility == Compatibility::Inria);
-        let mut prune_limit = prune_limit::Choice::prefer(caps).of_outputs(outputs);
-        let mut contribution = contribution::Choice::prefer(caps).of_outputs(outputs);
-        let mut removal_error = removal_error::Choice::prefer(caps).of_outputs(outputs);
+        let mut prune_limit = prune_limit::Choice::prefer(caps, outputs);
+        let mut contribution = contribution::Choice::prefer(caps, outputs);
+        let mut removal_error = removal_error::Choice::prefer(caps, outputs);
         (prune_limit.spec.inria, contribution.spec.inria) = (inria, inria);
         removal_error.spec.inria = inria;
         let sum_by_splat = sum_by_splat::Choice::default();

@@ -80,7 +80,7 @@ impl GeometryPass {
 impl ChainKernels {
     /// Compiles the kernels for frames with these outputs.
     pub(super) fn new(gpu: &Gpu, config: &TrainConfig, outputs: Outputs) -> Result<ChainKernels> {
-        let mut rasterize = rasterize_backward::Choice::prefer(gpu.caps()).of_outputs(outputs);
+        let mut rasterize = rasterize_backward::Choice::prefer(gpu.caps(), outputs);
         rasterize.spec.log2_alpha_min = config.accuracy.log2_alpha_min();
         Ok(ChainKernels {
             outputs,

@@ -3,6 +3,7 @@
 use crate::common::device::{gpu, limited, narrow};
 use crate::common::scenes::{Scene, flattened, gentle, hard, photographed};
 use ashfall::gpu::Gpu;
+use ashfall::kernels::project_backward;
 use ashfall::render::{Model, Purpose, RenderOptions, RenderedImage, Renderer, ViewOptions, total};
 use ashfall::scene::{AlphaMode, Camera, Dataset, Primitive, ScreenFilter, View};
 use ashfall::train::{BufferLimits, ExposureModel, HostState, StepReport, TrainConfig, TrainSize, Trainer};
@@ -63,6 +64,27 @@ fn train(gpu: &Gpu, scene: &Scene, change: Change) -> Trained {
     }
 }
 
+/// Whether a splat's records are added up in the same order in bands: a subgroup that adds up those of a large splat
+/// divides them otherwise.
+fn keeps_order(gpu: &Gpu) -> bool {
+    project_backward::Choice::prefer(gpu.caps(), 3).variant == project_backward::Variant::Base
+}
+
+/// Asserts that states are those of the same gradients.
+#[track_caller]
+fn same_states(gpu: &Gpu, name: &str, found: &HostState, expected: &HostState) {
+    if keeps_order(gpu) {
+        assert!(found == expected, "{name}: other gradients");
+        return;
+    }
+    let moments = |state: &HostState| -> Vec<f32> { state.m.iter().flatten().flatten().copied().collect() };
+    let (found, expected) = (moments(found), moments(expected));
+    let largest = expected.iter().fold(0.0, |most: f32, x| most.max(x.abs()));
+    let apart = found.iter().zip(&expected).map(|(a, b)| (a - b).abs());
+    let apart = apart.fold(0.0, f32::max);
+    assert!(apart <= 1e-3 * largest, "{name}: moments {apart} apart of {largest}");
+}
+
 /// Largest difference of two losses, relative.
 fn apart(found: &[StepReport], expected: &[StepReport]) -> f64 {
     assert_eq!(found.len(), expected.len());
@@ -91,8 +113,9 @@ fn a_photograph_in_bands_has_the_loss_and_gradients_of_the_whole() {
         let (found, expected) = (train(&narrow, &scene, change), train(&wide, &scene, change));
         let counts = [&found, &expected].map(|run| run.size.row_bands().count());
         assert!(counts[0] >= 3 && counts[1] == 1, "{name}: {counts:?}");
-        assert!(found.statistics == expected.statistics, "{name}: other statistics");
-        assert!(found.state == expected.state, "{name}: other gradients");
+        let is_same = found.statistics == expected.statistics;
+        assert!(is_same || !keeps_order(&wide), "{name}: other statistics");
+        same_states(&wide, name, &found.state, &expected.state);
         let apart = apart(&found.reports, &expected.reports);
         println!("{name}: losses {apart:.1e} apart");
         // Sums of the same numbers of tiles in another order.
@@ -156,8 +179,11 @@ fn poses_and_the_sky_are_those_of_the_whole() {
     let (found, expected) = (run(&narrow(NARROW)), run(&gpu()));
     assert_eq!((found.0, expected.0), (3, 1));
     assert!(expected.1.len() > 200, "{} splats, none of the sky", expected.1.len());
-    assert!(found.1 == expected.1, "other splats");
-    assert!(found.2 == expected.2, "other poses");
+    same_states(&gpu(), "poses", &found.1, &expected.1);
+    let pairs = found.2.iter().zip(&expected.2);
+    let apart = pairs.map(|(found, expected)| found.position.distance(expected.position));
+    let is_near = apart.fold(0.0, f64::max) <= 1e-5;
+    assert!(found.2 == expected.2 || is_near && !keeps_order(&gpu()), "other poses");
     let is_moved = |camera: &Camera, view: &View| camera.position != view.camera.position;
     assert!(
         expected

@@ -40,7 +40,7 @@ fn planes(image: &[[f32; 4]]) -> Vec<f32> {
 
 pub(super) fn forward(bench: &mut Bench) -> Result<Vec<Ratio>> {
     let gpu = bench.gpu().clone();
-    let choice = rasterize::Choice::prefer(gpu.caps());
+    let choice = rasterize::Choice::prefer(gpu.caps(), Outputs::TRAINING);
     let lanes = choice.spec.workgroup;
     // Outputs for training include the end of each pixel's list, as do all baselines but the vectorised one.
     let ours = format!("rasterize {}/{lanes}", choice.variant.name());
@@ -77,7 +77,7 @@ pub(super) fn forward(bench: &mut Bench) -> Result<Vec<Ratio>> {
 
 pub(super) fn backward(bench: &mut Bench) -> Result<Vec<Ratio>> {
     let gpu = bench.gpu().clone();
-    let choice = rasterize_backward::Choice::prefer(gpu.caps());
+    let choice = rasterize_backward::Choice::prefer(gpu.caps(), Outputs::TRAINING);
     let ours = format!("rasterize_backward {}/{}", choice.variant.name(), choice.spec.workgroup);
     if !is_wanted(bench, "backward", &[&ours, BASELINE, SCALAR]) {
         return Ok(Vec::new());

@@ -53,7 +53,7 @@ const LENGTHS: [(&str, usize); 9] = [
 const ELEMENTWISE: Workgroups = Workgroups::any(&[1, 8, 64, 256]);
 
 /// Workgroups of kernels with a workgroup a tile.
-const LANES: Workgroups = Workgroups::lanes(&[8, 16, 32]);
+const LANES: Workgroups = Workgroups::lanes(&[8, 16, 32, 64, 128]);
 
 /// Cases of the lengths at which workgroups and chunks begin and end.
 fn by_length<'a, K: Kernel>(

@@ -7,7 +7,7 @@ use crate::common::scenes::{self, Scene};
 use crate::kernels::LANES;
 use ashfall::gpu::{DeviceKind, Gpu};
 use ashfall::kernels::Kernel;
-use ashfall::kernels::rasterize::{Bindings, Choice, Outputs, Params, Rasterize};
+use ashfall::kernels::rasterize::{Bindings, Choice, Outputs, Params, Rasterize, Variant};
 use ashfall::lab::bench::kernels::composite::rasterize;
 use ashfall::lab::bench::kernels::{Composite, CompositeBuffers};
 use ashfall::layout::{COUNT_BAND_END, COUNT_VISIBLE, SPREAD_PLANES};
@@ -120,8 +120,10 @@ const OUTPUTS: [Outputs; 5] = [
 /// The variants with every number of lanes that they can have on this device.
 fn choices(gpu: &Gpu) -> Vec<Choice> {
     let choices = LANES.choices::<Rasterize>(gpu.caps()).into_iter();
-    choices
-        .flat_map(|(choice, _)| OUTPUTS.map(|outputs| choice.of_outputs(outputs)))
+    let pairs = choices.flat_map(|(choice, _)| OUTPUTS.map(|outputs| (choice, outputs)));
+    pairs
+        .filter(|(choice, outputs)| choice.variant != Variant::Blocks || !outputs.has_planes())
+        .map(|(choice, outputs)| choice.of_outputs(outputs))
         .collect()
 }
 

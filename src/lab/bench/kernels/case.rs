@@ -20,6 +20,7 @@ pub struct KernelCase<'a, K: Kernel> {
     /// Work of one run.
     pub work: Work,
     tune: Option<Tune<'a, K::Choice>>,
+    without: Option<&'static str>,
     prepare: Vec<Prepare<'a, K>>,
     prepare_timing: Option<Prepare<'a, K>>,
     commands: Commands<'a, K>,
@@ -32,6 +33,7 @@ impl<'a, K: Kernel> KernelCase<'a, K> {
         KernelCase {
             work,
             tune: None,
+            without: None,
             prepare: Vec::new(),
             prepare_timing: None,
             commands: Box::new(|_, _, _| {}),
@@ -112,10 +114,22 @@ impl<'a, K: Kernel> KernelCase<'a, K> {
         self.before(move |rec, _| rec.copy(&from, 0..from.len(), &to, 0))
     }
 
+    /// Leaves out a variant that cannot do the case.
+    #[must_use]
+    pub fn without(mut self, variant: &'static str) -> Self {
+        self.without = Some(variant);
+        self
+    }
+
     /// A choice with the case's specialisation constants.
     pub fn tuned(&self, mut choice: K::Choice) -> K::Choice {
         self.tune.iter().for_each(|tune| tune(&mut choice));
         choice
+    }
+
+    /// False if the choice's variant is left out.
+    pub fn takes(&self, choice: &K::Choice) -> bool {
+        self.without != Some(K::info(choice).variant)
     }
 
     /// Runs the kernel once.
@@ -184,11 +198,14 @@ impl Workgroups {
         }
     }
 
-    /// Sizes of kernels that have all lanes of a tile in one subgroup, where they use subgroups.
+    /// Sizes of kernels with a workgroup a tile: those that use subgroups have all lanes in one, or blocks.
     pub const fn lanes(sizes: &'static [u32]) -> Workgroups {
         Workgroups {
             sizes,
-            fits: |caps, info, size| caps.lanes_fit(info, size),
+            fits: |caps, info, size| match info.variant {
+                "blocks" => size > 16 && caps.fills_subgroups(size),
+                _ => size <= 32 && caps.lanes_fit(info, size),
+            },
         }
     }
 

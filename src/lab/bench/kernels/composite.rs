@@ -315,7 +315,11 @@ pub fn rasterize<'a>(
 ) -> Result<KernelCase<'a, rasterize::Rasterize>> {
     let input = Rc::new(CompositeBuffers::new(gpu, composite)?);
     let found = input.clone();
-    let case = KernelCase::new(composite.work())
+    let mut case = KernelCase::new(composite.work());
+    if outputs.has_planes() {
+        case = case.without("blocks");
+    }
+    let case = case
         .tune(move |choice: &mut rasterize::Choice| *choice = choice.of_outputs(outputs))
         .erase(&input.image)
         .erase(&input.isect_end_from_pixel)

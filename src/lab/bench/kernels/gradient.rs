@@ -248,6 +248,7 @@ pub fn surfels_backward<'a>(
     let judge = move |quantities, found: &[f32]| columns(&gradient.sums_from_source, quantities, found, tolerance);
     let (judge_tone, judge_rest) = (judge.clone(), judge.clone());
     let case = case
+        .without("blocks")
         .tune(|choice: &mut rasterize_backward::Choice| choice.spec.surfel = 1)
         .compare(&shape, move |found| {
             judge(0..1, &found.iter().map(|row| row[0]).collect::<Vec<_>>())

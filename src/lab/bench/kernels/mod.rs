@@ -210,6 +210,9 @@ pub fn time<'a, K: Kernel>(
     }
     let case = make(&gpu)?;
     for (choice, named) in choices {
+        if !case.takes(&choice) {
+            continue;
+        }
         let subject = case.subject(&gpu, named.doing(case.work), choice)?;
         bench.measure(&subject.case, subject.run)?;
     }
@@ -226,7 +229,7 @@ const FULL: Workgroups = Workgroups::subgroups(&[32, 64, 128, 256]);
 const STRETCHED: Workgroups = Workgroups::any(&[32, 64, 128]);
 
 /// Workgroups of kernels with a workgroup a tile.
-const LANES: Workgroups = Workgroups::lanes(&[8, 16, 32]);
+const LANES: Workgroups = Workgroups::lanes(&[8, 16, 32, 64, 128]);
 
 /// Splats, or other elements, of the inputs: in the caches and beyond them.
 fn sizes(caps: &Caps) -> &'static [usize] {
