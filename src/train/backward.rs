@@ -141,7 +141,7 @@ impl Backward {
     fn record_update(&self, rec: &mut Recorder<'_>, state: &DeviceState, s: &Scratch, step: &Step<'_>, block: Block) {
         self.pose.record(rec, state, s, step.sh_degree, block);
         let (config, iteration, extent) = (step.config, step.iteration, step.extent);
-        let rates = &config.rates;
+        let (rates, share) = (&config.rates, schedule::rate_share(config, iteration));
         let [correction1, correction2] = schedule::bias_corrections(config, iteration);
         let (splat_count, stride) = (block.count as u32, block.stride as u32);
         let row = splat_count.div_ceil(self.adam.workgroup);
@@ -159,9 +159,9 @@ impl Backward {
                 splat_count,
                 stride,
                 rate_mean: schedule::mean_rate(config, extent, iteration),
-                rate_opacity: rates.opacity,
-                rate_quaternion: rates.quaternion,
-                rate_log_scale: rates.log_scale,
+                rate_opacity: share * rates.opacity,
+                rate_quaternion: share * rates.quaternion,
+                rate_log_scale: share * rates.log_scale,
                 beta1: config.adam.beta1,
                 beta2: config.adam.beta2,
                 epsilon: config.adam.epsilon,
@@ -207,6 +207,7 @@ impl Backward {
         block: Block,
     ) {
         let (rates, adam) = (&step.config.rates, &step.config.adam);
+        let share = schedule::rate_share(step.config, step.iteration);
         let [correction1, correction2] = schedule::bias_corrections(step.config, step.iteration);
         let kernel = &self.adam_color[step.sh_degree.min(block.degree) as usize];
         kernel.record(
@@ -222,8 +223,8 @@ impl Backward {
                 first_splat: block.first as u32,
                 splat_count: block.count as u32,
                 stride: block.stride as u32,
-                rate_sh_dc: rates.sh_dc,
-                rate_sh_rest: rates.sh_rest,
+                rate_sh_dc: share * rates.sh_dc,
+                rate_sh_rest: share * rates.sh_rest,
                 beta1: adam.beta1,
                 beta2: adam.beta2,
                 epsilon: adam.epsilon,

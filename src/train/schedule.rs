@@ -26,6 +26,13 @@ pub fn mean_rate(config: &TrainConfig, extent: f64, iteration: u32) -> f32 {
     (start * (end / start).powf(progress.min(1.0)) * extent) as f32
 }
 
+/// Share of the learning rates of all but the means at an iteration.
+pub fn rate_share(config: &TrainConfig, iteration: u32) -> f32 {
+    let until = config.refine.until.min(config.iterations);
+    let progress = f64::from(iteration.saturating_sub(until)) / f64::from((config.iterations - until).max(1));
+    f64::from(config.rates.end_share).powf(progress.min(1.0)) as f32
+}
+
 /// Adam's bias corrections 1 / (1 − β₁ᵗ) and 1 / (1 − β₂ᵗ) at an iteration, in `f64` because the second loses all
 /// digits in `f32` at the first iterations.
 pub fn bias_corrections(config: &TrainConfig, iteration: u32) -> [f32; 2] {
@@ -244,6 +251,22 @@ mod tests {
         assert!((at(501) / 3.2e-5 - 1.0).abs() < 1e-6);
         assert_eq!(at(5_000), at(1_001));
         assert!(mean_rate(&TrainConfig::for_iterations(1), 1.0, 1).is_finite());
+    }
+
+    #[test]
+    fn the_other_rates_fall_exponentially_from_the_last_refinement_on() {
+        let mut config = TrainConfig::for_iterations(1_000);
+        config.rates.end_share = 0.25;
+        config.refine.until = 600;
+        assert_eq!(
+            [1, 600, 800, 1_000, 2_000].map(|i| rate_share(&config, i)),
+            [1.0, 1.0, 0.5, 0.25, 0.25]
+        );
+        config.refine.until = 5_000;
+        assert_eq!(rate_share(&config, 1_000), 1.0);
+        config.rates.end_share = 1.0;
+        config.refine.until = 0;
+        assert_eq!(rate_share(&config, 500), 1.0);
     }
 
     #[test]

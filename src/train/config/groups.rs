@@ -30,11 +30,15 @@ constants! {
         sh_dc: f32 = 2.5e-3, 0.0..=f32::MAX;
         /// Other SH coefficients: `sh_dc` / 20.
         sh_rest: f32 = 2.5e-3 / 20.0, 0.0..=f32::MAX;
+        /// Share of the others that is left at the last iteration: 1; from the last refinement on exponential.
+        end_share: f32 = 1.0, 1e-6..=1.0;
     }
 }
 
 /// Exponent of the published length of a run over its own in the learning rates' factor.
 const RATE_EXPONENT: f64 = 0.25;
+/// Exponent of that factor's inverse in the share of the rates at the end.
+const END_EXPONENT: f32 = 1.5;
 /// Largest factor of the published learning rates, that of runs of 117 iterations.
 const RATE_FACTOR_MAX: f64 = 4.0;
 
@@ -47,10 +51,11 @@ impl LearningRates {
     }
 
     /// Rates of a run of so many iterations: the published ones times [`LearningRates::factor`], but that of opacities,
-    /// which does not gain by it.
+    /// which does not gain by it. At the end all but the means' fall below the published ones.
     pub fn for_iterations(iterations: u32) -> LearningRates {
         let mut rates = LearningRates::default();
         let factor = LearningRates::factor(iterations) as f32;
+        rates.end_share = factor.powf(-END_EXPONENT);
         for rate in [
             &mut rates.mean_start,
             &mut rates.mean_end,
@@ -276,9 +281,11 @@ mod tests {
             log_scale: 2.0 * usual.log_scale,
             sh_dc: 2.0 * usual.sh_dc,
             sh_rest: 2.0 * usual.sh_rest,
+            end_share: twice.end_share,
             ..usual
         };
         assert_eq!(twice, expected);
+        assert!((twice.end_share - 0.5f32.powf(1.5)).abs() < 1e-6);
         assert_eq!(LearningRates::for_iterations(30_000), usual);
     }
 }
