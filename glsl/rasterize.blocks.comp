@@ -80,7 +80,7 @@ void blend_list(Tile t, uint begin, uint end) {
     const uint size = gl_SubgroupSize;
     uint isect = begin + gl_SubgroupInvocationID;
     // Each load is issued a batch before its result is needed: by the batch's splats, and by two levels of indices.
-    Fetched splat = fetch(splat_from_emitted[emitted_by(isect, end)]);
+    ScreenSplat splat = fetch(splat_from_emitted[emitted_by(isect, end)]);
     uint next = splat_from_emitted[emitted_by(isect + size, end)];
     uint emitted = emitted_by(isect + 2 * size, end);
     do {

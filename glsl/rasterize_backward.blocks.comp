@@ -23,7 +23,7 @@ layout(local_size_x_id = 0) in;
 
 // Splats that are taken off between two sums.
 const uint GROUP = 8;
-// Most subgroups of a workgroup.
+// Most subgroups of a workgroup, of 8 lanes each.
 const uint BLOCKS_MAX = WORKGROUP / TILE_WIDTH;
 
 // Of each block, splat of a group, and pixel, those of all lanes in turn: weight, and gradient by the exponent. A
@@ -174,7 +174,7 @@ uint emitted_by(uint begin, uint end, uint between) {
 }
 
 // Removes a batch of `count` splats, the last before `end` first, from the block's pixels, as far as they reach it.
-void take_off_batch(Tile t, uint end, uint count, uint block_end, Fetched splat) {
+void take_off_batch(Tile t, uint end, uint count, uint block_end, ScreenSplat splat) {
     uint lane = gl_SubgroupInvocationID;
     bool mine = lane < count && end - 1 - lane < block_end && reaches_block(t, splat);
     if (!mine) {
@@ -240,12 +240,12 @@ void differentiate(uint tile) {
     if (end > range.x) {
         const uint size = gl_SubgroupSize;
         // Each load is issued a batch before its result is needed: by the batch's splats, and by two levels of indices.
-        Fetched next_splat = fetch(splat_from_emitted[emitted_by(range.x, end, 0)]);
+        ScreenSplat next_splat = fetch(splat_from_emitted[emitted_by(range.x, end, 0)]);
         uint next = splat_from_emitted[emitted_by(range.x, end, size)];
         uint emitted = emitted_by(range.x, end, 2 * size);
         do {
             uint count = min(size, end - range.x);
-            Fetched splat = next_splat;
+            ScreenSplat splat = next_splat;
             next_splat = fetch(next);
             next = splat_from_emitted[emitted];
             emitted = emitted_by(range.x, end, 3 * size);

@@ -38,18 +38,18 @@ uint pixel_of(Tile t, uint k, View view) {
 }
 
 // A splat in a lane's registers.
-struct Fetched {
+struct ScreenSplat {
     vec4 shape;
     vec4 tone;
     vec2 rest;
 };
 
-Fetched fetch(uint splat) {
-    return Fetched(ellipse_from_splat[splat], whiten_rg_from_splat[splat], blue_depth_from_splat[splat]);
+ScreenSplat fetch(uint splat) {
+    return ScreenSplat(ellipse_from_splat[splat], whiten_rg_from_splat[splat], blue_depth_from_splat[splat]);
 }
 
 // True if a splat's alpha may reach the threshold in the subgroup's block.
-bool reaches_block(Tile t, Fetched splat) {
+bool reaches_block(Tile t, ScreenSplat splat) {
     uint begin = first_slot();
     uint last = begin + gl_SubgroupSize - 1;
     vec2 low = vec2(t.corner + uvec2(0, begin / TILE_WIDTH * LANE_PIXELS)) + 0.5;
@@ -62,7 +62,7 @@ bool reaches_block(Tile t, Fetched splat) {
 
 // Shares the splats of the lanes with `mine`; returns their number. The slots behind them are hidden, for loops by
 // several.
-uint stage(Tile t, Fetched splat, bool mine) {
+uint stage(Tile t, ScreenSplat splat, bool mine) {
     // The previous batch may still be read.
     subgroupBarrier();
     uint lane = gl_SubgroupInvocationID;
