@@ -1,7 +1,7 @@
 // Blocks: the lanes of each subgroup of a workgroup have some of the tile's rows. They fetch a splat each, and share
 // those that reach the block, in the order of the list. For subgroups of 8 lanes or more, all of them full.
 
-const uint LANE_PIXELS = TILE_PIXELS / WORKGROUP;
+#include "shared/tile_lane.glsl"
 
 // Batch of splats in shared memory: each subgroup has as many slots as lanes, from `first_slot`. Means are relative to
 // the tile's corner.
@@ -16,25 +16,14 @@ uint first_slot() {
     return gl_SubgroupID * gl_SubgroupSize;
 }
 
-// The tile, and the first of this lane's pixels, which lie below each other.
+// The tile, with the pixels of this lane, which lie below each other.
 Tile tile_of(uint tile, View view) {
-    uint lane = first_slot() + gl_SubgroupInvocationID;
-    Tile t;
-    t.corner = uvec2(tile % view.tiles.x, tile / view.tiles.x) * uvec2(TILE_WIDTH, TILE_HEIGHT);
-    t.corner.y += view.first_row;
-    t.x = lane % TILE_WIDTH;
-    t.y = lane / TILE_WIDTH * LANE_PIXELS;
-    return t;
+    return tile_of_lane(tile, first_slot() + gl_SubgroupInvocationID, view);
 }
 
 // True if pixel `k` of the lane is among the drawn rows.
 bool inside(Tile t, uint k, View view) {
     return t.corner.x + t.x < view.size.x && t.corner.y + t.y + k < view.first_row + view.size.y;
-}
-
-// Place of pixel `k` of the lane among those of the drawn rows.
-uint pixel_of(Tile t, uint k, View view) {
-    return (t.corner.y - view.first_row + t.y + k) * view.size.x + t.corner.x + t.x;
 }
 
 // A splat in a lane's registers.
