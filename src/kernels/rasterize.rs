@@ -18,10 +18,10 @@ const BLOCK_LANES: u32 = 64;
 /// Shared memory of such a workgroup, bytes, at most.
 const BLOCK_SHARED: u32 = 16 << 10;
 
-/// True if a device composites a tile in blocks by `kernel`.
+/// True if a device that composites within subgroups does so in blocks by `kernel`.
 fn by_blocks(caps: &Caps, kernel: &KernelInfo) -> bool {
     let fits = caps.max_workgroup >= BLOCK_LANES && caps.max_shared >= BLOCK_SHARED;
-    fits && caps.subgroup_size >= 8 && subgroups_help(caps, kernel, BLOCK_LANES)
+    fits && subgroups_help(caps, kernel, BLOCK_LANES)
 }
 
 /// Reason for the choice of a kernel with these variants, one sentence.

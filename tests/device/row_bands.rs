@@ -80,9 +80,12 @@ fn same_states(gpu: &Gpu, name: &str, found: &HostState, expected: &HostState) {
     let moments = |state: &HostState| -> Vec<f32> { state.m.iter().flatten().flatten().copied().collect() };
     let (found, expected) = (moments(found), moments(expected));
     let largest = expected.iter().fold(0.0, |most: f32, x| most.max(x.abs()));
-    let apart = found.iter().zip(&expected).map(|(a, b)| (a - b).abs());
-    let apart = apart.fold(0.0, f32::max);
-    assert!(apart <= 1e-3 * largest, "{name}: moments {apart} apart of {largest}");
+    for (a, b) in found.iter().zip(&expected) {
+        assert!(
+            (a - b).abs() <= 1e-3 * largest,
+            "{name}: moments {a} and {b} of {largest}"
+        );
+    }
 }
 
 /// Largest difference of two losses, relative.

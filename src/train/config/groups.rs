@@ -30,7 +30,8 @@ constants! {
         sh_dc: f32 = 2.5e-3, 0.0..=f32::MAX;
         /// Other SH coefficients: `sh_dc` / 20.
         sh_rest: f32 = 2.5e-3 / 20.0, 0.0..=f32::MAX;
-        /// Share of the others that is left at the last iteration: 1; from the last refinement on exponential.
+        /// Share of all rates but the means' that is left at the last iteration: 1; exponential from the last
+        /// refinement on.
         end_share: f32 = 1.0, 1e-6..=1.0;
     }
 }
