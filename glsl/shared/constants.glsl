@@ -27,6 +27,9 @@ const uint D_COLOR_PLANE = 3;
 const uint DIRECTION_PLANE = 4;
 const uint GRADIENT_PLANES = 5;
 
+// Most steps whose gradients of colours wait for one update of the harmonics.
+const uint COLOR_STEPS = 4;
+
 // Parts of a picture whose records are summed one after the other: all at once, the first, a further one, and none, for
 // the gradient from the sums.
 const uint PART_ALL = 0;

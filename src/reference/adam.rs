@@ -35,13 +35,27 @@ pub struct AdamState {
 impl Adam {
     /// State after step number `step`, counted from 1.
     pub fn step(&self, state: AdamState, gradient: f64, rate: f64, step: i32) -> AdamState {
-        assert!(step >= 1, "steps are counted from 1");
-        let first = self.beta1 * state.first + (1.0 - self.beta1) * gradient;
-        let second = self.beta2 * state.second + (1.0 - self.beta2) * gradient * gradient;
-        let first_unbiased = first / (1.0 - self.beta1.powi(step));
-        let second_unbiased = second / (1.0 - self.beta2.powi(step));
+        self.steps(state, &[gradient], rate, step)
+    }
+
+    /// State after several steps, the last number `last`, counted from 1. The parameter moves once: by the sum of the
+    /// unbiased first moments over the root of the last second moment.
+    pub fn steps(&self, state: AdamState, gradients: &[f64], rate: f64, last: i32) -> AdamState {
+        assert!(last >= gradients.len() as i32, "steps are counted from 1");
+        let AdamState {
+            value,
+            mut first,
+            mut second,
+        } = state;
+        let mut sum = 0.0;
+        for (&gradient, back) in gradients.iter().zip((0..gradients.len() as i32).rev()) {
+            first = self.beta1 * first + (1.0 - self.beta1) * gradient;
+            second = self.beta2 * second + (1.0 - self.beta2) * gradient * gradient;
+            sum += first / (1.0 - self.beta1.powi(last - back));
+        }
+        let second_unbiased = second / (1.0 - self.beta2.powi(last));
         AdamState {
-            value: state.value - rate * first_unbiased / (second_unbiased.sqrt() + self.epsilon),
+            value: value - rate * sum / (second_unbiased.sqrt() + self.epsilon),
             first,
             second,
         }

@@ -1,6 +1,7 @@
 //! Kernels of a training step after the frame: loss, gradients, update.
 
 use super::chain::{ChainKernels, GeometryPass};
+use super::colors::ColorUpdate;
 use super::config::TrainConfig;
 use super::device::DeviceState;
 use super::gradients::Gradients;
@@ -153,6 +154,7 @@ impl Backward {
                 params: &state.model.params[block.index],
                 moment1: &state.moments.moment1[block.index],
                 moment2: &state.moments.moment2[block.index],
+                d_colors: &state.buffers.d_colors[block.index],
             },
             adam::Params {
                 first_splat: block.first as u32,
@@ -168,10 +170,13 @@ impl Backward {
                 correction1,
                 correction2,
                 log_aspect_max: config.max_aspect.max(1.0).ln(),
+                color_step: step.color.number,
             },
-            Groups::Grid([row, GEOMETRY_PLANES, 1]),
+            Groups::Grid([row, GEOMETRY_PLANES + 1, 1]),
         );
-        self.record_harmonics(rec, state, s, step, block);
+        if let Some(update) = &step.color.update {
+            self.record_harmonics(rec, state, s, step, (block, update));
+        }
         let amplitude = schedule::noise_scale(config, extent, iteration);
         if amplitude > 0.0 {
             let at = state.model.places(&block);
@@ -197,39 +202,39 @@ impl Backward {
         rec.timestamp("adam");
     }
 
-    /// Adam of the harmonics.
+    /// Update of the harmonics.
     fn record_harmonics(
         &self,
         rec: &mut Recorder<'_>,
         state: &DeviceState,
         s: &Scratch,
         step: &Step<'_>,
-        block: Block,
+        (block, update): (Block, &ColorUpdate),
     ) {
         let (rates, adam) = (&step.config.rates, &step.config.adam);
         let share = schedule::rate_share(step.config, step.iteration);
-        let [correction1, correction2] = schedule::bias_corrections(step.config, step.iteration);
         let kernel = &self.adam_color[step.sh_degree.min(block.degree) as usize];
         kernel.record(
             rec,
             adam_color::Bindings {
                 counts: &s.counts,
-                d_params: state.gradients(block),
+                d_colors: &state.buffers.d_colors[block.index],
                 params: &state.model.params[block.index],
                 moment1: &state.moments.moment1[block.index],
                 moment2: &state.moments.moment2[block.index],
             },
             adam_color::Params {
-                first_splat: block.first as u32,
                 splat_count: block.count as u32,
                 stride: block.stride as u32,
+                step_count: update.steps,
                 rate_sh_dc: share * rates.sh_dc,
                 rate_sh_rest: share * rates.sh_rest,
                 beta1: adam.beta1,
                 beta2: adam.beta2,
                 epsilon: adam.epsilon,
-                correction1,
-                correction2,
+                position: update.position,
+                correction1: update.correction1,
+                correction2: update.correction2,
             },
             kernel.groups(block.count),
         );

@@ -3,6 +3,7 @@
 //! Random numbers have no state: they are a function of (seed, iteration). Photographs are not stored, but a
 //! fingerprint of the views is, because other data would make another run.
 
+use super::colors::PendingColors;
 use super::config::{ExposureModel, TrainConfig};
 use super::exposure::ExposureGains;
 use super::poses::PoseState;
@@ -11,6 +12,7 @@ use super::strategy::SplatStats;
 use super::transients::TransientState;
 use crate::io::Source;
 use crate::io::checkpoint::{self, Section};
+use crate::layout::COLOR_STEPS;
 use crate::render::plane_count;
 use crate::scene::{Dataset, Split};
 use crate::{Error, Result};
@@ -29,6 +31,8 @@ pub struct Checkpoint {
     pub state: HostState,
     /// Statistics of density control since the last refinement, one per splat.
     pub statistics: Vec<SplatStats>,
+    /// Gradients of colours that wait for an update of the harmonics.
+    pub colors: PendingColors,
     /// [`fingerprint`] of the data set trained on.
     pub fingerprint: u32,
     /// State of the run's controller, if any.
@@ -102,6 +106,12 @@ impl Checkpoint {
             Section::new("v", &v),
             Section::new("statistics", self.statistics.as_flattened()),
         ];
+        if !self.colors.positions.is_empty() {
+            let PendingColors { positions, gradients } = &self.colors;
+            meta["pending_colors"] = json!(positions.len());
+            sections.push(Section::new("color positions", positions.as_flattened()));
+            sections.push(Section::new("color gradients", gradients.as_flattened()));
+        }
         if let Some(TransientState {
             scores,
             ignored,
@@ -177,6 +187,8 @@ impl Checkpoint {
         let poses = poses(meta, config.refine_poses).map_err(fault)?;
         let transients = config.ignore_transients.then(|| transients(&file)).transpose()?;
         let state = state("", count)?;
+        let waiting = present("pending_colors").map_or(Ok(0), |_| number("pending_colors"))?;
+        let colors = colors(&file, waiting.min(iteration), count).map_err(|what| fault(&what))?;
         let statistics = file.read::<f32>("statistics")?;
         if statistics.len() != count * 4 {
             return Err(fault(&format!("statistics has not {count} splats")));
@@ -186,6 +198,7 @@ impl Checkpoint {
             iteration,
             state,
             statistics: bytemuck::cast_slice(&statistics).to_vec(),
+            colors,
             fingerprint: number("fingerprint")?,
             controller,
             exposure,
@@ -233,6 +246,23 @@ fn poses(meta: &serde_json::Value, refines: bool) -> std::result::Result<Option<
         return Err("its poses do not fit its configuration");
     }
     Ok(poses)
+}
+
+/// Gradients of colours of so many steps.
+fn colors(file: &checkpoint::Checkpoint<'_>, steps: u32, splats: usize) -> std::result::Result<PendingColors, String> {
+    if steps == 0 {
+        return Ok(PendingColors::default());
+    }
+    let numbers = |name: &str| file.read::<f32>(name).map_err(|e| e.to_string());
+    let threes = |name: &str| Ok::<_, String>(numbers(name)?.as_chunks().0.to_vec());
+    let (positions, gradients) = (threes("color positions")?, threes("color gradients")?);
+    let fits = steps <= COLOR_STEPS && positions.len() == steps as usize;
+    if !fits || gradients.len() != positions.len() * splats {
+        return Err(format!(
+            "the gradients of its colours are not {steps} steps of {splats} splats"
+        ));
+    }
+    Ok(PendingColors { positions, gradients })
 }
 
 /// Patches of a run that ignores transients.
@@ -304,6 +334,7 @@ mod tests {
             iteration: 37,
             state,
             statistics: (0..count).map(|i| [i as f32, 1.0, 2.0, 0.0]).collect(),
+            colors: PendingColors::default(),
             fingerprint: 5,
             controller: None,
             exposure: None,
@@ -329,6 +360,10 @@ mod tests {
                     ignored: vec![2],
                     visits: vec![3],
                 });
+                saved.colors = PendingColors {
+                    positions: vec![[1.0, 2.0, 3.0], [0.5, 0.0, -1.0]],
+                    gradients: (0..18).map(|i| [i as f32, 0.25, -1.0]).collect(),
+                };
             }
             saved.write(&path)?;
             assert_eq!(Checkpoint::read(&path)?, saved);
@@ -345,6 +380,11 @@ mod tests {
         lacking.write(&path)?;
         let message = Checkpoint::read(&path).err().map(|e| e.to_string());
         assert!(message.is_some_and(|m| m.contains("patch scores")));
+        let mut lacking = checkpoint(3, 0);
+        lacking.colors.positions = vec![[0.0; 3]];
+        lacking.write(&path)?;
+        let message = Checkpoint::read(&path).err().map(|e| e.to_string());
+        assert!(message.is_some_and(|m| m.ends_with("colours are not 1 steps of 3 splats")));
         checkpoint(3, 0).write(&path)?;
         let bytes = std::fs::read(&path).map_err(Error::io(&path))?;
         for length in (0..bytes.len()).step_by(17) {

@@ -1,9 +1,10 @@
 //! Optimiser state on the device.
 
+use super::colors::PendingColors;
 use super::state::{HostState, Planes, SH_PLANE};
 use crate::Result;
 use crate::gpu::{Buffer, Gpu};
-use crate::layout::{GEOMETRY_PLANES, GRADIENT_PLANES, POSE_SPLATS};
+use crate::layout::{COLOR_STEPS, GEOMETRY_PLANES, GRADIENT_PLANES, POSE_SPLATS};
 use crate::render::{
     Allocate, Block, Blocks, ByDegree, Model, Need, Precision, Purpose, Slots, buffers, of_degree, plane_count,
 };
@@ -35,6 +36,8 @@ buffers! {
     pub(crate) struct GradientBuffers(blocks: Blocks) {
         /// Of every block if kept for inspection or depth bands, else of the current block.
         gradients: Vec<Buffer<[f32; 4]>>, Gradients, vec![gradient_sizes(blocks).max().unwrap_or(0)];
+        /// Of colours, in each step since the last update of the harmonics.
+        d_colors: Vec<Buffer<[f32; 3]>>, Gradients, color_sizes(blocks);
         statistics: Buffer<[f32; 4]>, Gradients, blocks.splats();
         /// Sums for the gradient by the pose: two of each stretch of a block's splats.
         pose_sums: Buffer<[f32; 4]>, Gradients, 2 * pose_groups(blocks.strides());
@@ -62,6 +65,12 @@ pub(crate) fn pose_groups(counts: impl IntoIterator<Item = usize>) -> usize {
 fn gradient_sizes(blocks: Blocks) -> impl Iterator<Item = usize> {
     let strides = blocks.strides().into_iter();
     strides.map(|stride| stride * GRADIENT_PLANES as usize)
+}
+
+/// Gradients of colours of each block.
+fn color_sizes(blocks: Blocks) -> Vec<usize> {
+    let strides = blocks.strides().into_iter();
+    strides.map(|stride| stride * COLOR_STEPS as usize).collect()
 }
 
 impl DeviceState {
@@ -244,6 +253,37 @@ impl DeviceState {
             }
         }
         Ok(planes)
+    }
+
+    /// Copies the gradients of colours of the steps since the last update of the harmonics, at these camera centres.
+    pub(crate) fn download_colors(&self, gpu: &Gpu, positions: Vec<[f32; 3]>) -> Result<PendingColors> {
+        let count = self.model.splat_count;
+        let mut gradients = vec![[0.0; 3]; positions.len() * count];
+        for (block, step) in self.color_blocks(positions.len()) {
+            let rows = gpu.download(&self.buffers.d_colors[block.index], block.plane(step))?;
+            let splats = self.slots.of_slots(block.slots());
+            let rows = splats.iter().zip(rows);
+            rows.for_each(|(&splat, row)| gradients[step * count + splat as usize] = row);
+        }
+        Ok(PendingColors { positions, gradients })
+    }
+
+    /// Restores [`DeviceState::download_colors`].
+    pub(crate) fn upload_colors(&self, gpu: &Gpu, colors: &PendingColors) -> Result<()> {
+        let count = self.model.splat_count;
+        for (block, step) in self.color_blocks(colors.positions.len()) {
+            let splats = self.slots.of_slots(block.slots());
+            let row = |&splat: &u32| colors.gradients[step * count + splat as usize];
+            let rows: Vec<[f32; 3]> = splats.iter().map(row).collect();
+            gpu.upload(&self.buffers.d_colors[block.index], block.plane(step).start, &rows)?;
+        }
+        Ok(())
+    }
+
+    /// Each block with each of so many steps.
+    fn color_blocks(&self, steps: usize) -> impl Iterator<Item = (Block, usize)> {
+        let blocks = self.model.blocks.of(self.slots.counts);
+        blocks.flat_map(move |block| (0..steps).map(move |step| (block, step)))
     }
 
     /// Copies the statistics to the host.

@@ -9,6 +9,7 @@
 mod backward;
 mod chain;
 pub mod checkpoint;
+mod colors;
 pub mod config;
 mod device;
 pub mod exposure;
@@ -52,6 +53,7 @@ fn test_camera(width: u32, height: u32, focal: f64) -> crate::scene::Camera {
     }
 }
 
+pub use colors::PendingColors;
 pub use config::{Background, ExposureModel, MipConfig, RefineTimes, StrategyKind, TrainConfig};
 pub use init::initial_splats;
 pub use memory::{BufferLimits, TrainSize, first_splats, splats_expected};

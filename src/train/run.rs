@@ -100,6 +100,7 @@ impl<'a, C: Controller<'a>> Run<'a, C> {
             }
         };
         trainer.set_statistics(&saved.statistics)?;
+        trainer.set_pending_colors(&saved.colors)?;
         Ok(Run {
             trainer,
             dataset,
@@ -123,6 +124,7 @@ impl<'a, C: Controller<'a>> Run<'a, C> {
             iteration: self.trainer.iteration(),
             state: self.trainer.download()?,
             statistics: self.trainer.statistics()?,
+            colors: self.trainer.pending_colors()?,
             fingerprint: fingerprint(self.dataset),
             controller: controller.transpose()?,
             exposure: self.trainer.exposure()?,

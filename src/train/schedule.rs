@@ -64,6 +64,26 @@ pub fn is_reset(config: &TrainConfig, iteration: u32) -> bool {
         && iteration.is_multiple_of(every)
 }
 
+/// Whether the harmonics are updated at an iteration: every few iterations, before changes of the splats or of their SH
+/// degree, and at the end.
+pub fn is_color_step(config: &TrainConfig, iteration: u32) -> bool {
+    iteration.is_multiple_of(config.adam.color_every)
+        || iteration >= config.iterations
+        || is_refine(config, iteration)
+        || is_reset(config, iteration)
+        || sh_degree(config, iteration) != sh_degree(config, iteration + 1)
+}
+
+/// First of the iterations up to this one whose gradients of colours wait for the next update of the harmonics; none up
+/// to `last_updated` does.
+pub fn first_color_step(config: &TrainConfig, last_updated: u32, iteration: u32) -> u32 {
+    let mut first = iteration;
+    while first > last_updated + 1 && !is_color_step(config, first - 1) {
+        first -= 1;
+    }
+    first
+}
+
 /// Index of the training view of an iteration, of `view_count`: each once an epoch, in an order that is a function of
 /// (seed, epoch).
 ///

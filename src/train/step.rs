@@ -1,5 +1,6 @@
 //! Inputs of a training step.
 
+use super::colors::ColorStep;
 use super::config::TrainConfig;
 use super::transients::PatchGrid;
 use crate::layout::View;
@@ -21,6 +22,7 @@ pub(crate) struct Step<'a> {
     /// Of the drawn rows among the parts of the photograph: `PART_*`.
     pub(crate) part: u32,
     pub(crate) sh_degree: u32,
+    pub(crate) color: ColorStep,
     pub(crate) bands: DepthBands,
     /// Gains of the photograph, and slopes on the curve's toe.
     pub(crate) exposure: [[f32; 3]; 2],

@@ -13,11 +13,12 @@ mod submit;
 mod transients;
 
 use super::backward::Backward;
+use super::colors::ColorQueue;
 use super::config::{ExposureModel, TrainConfig};
 use super::device::DeviceState;
 use super::exposure::ExposureGains;
 use super::gradients::Gradients;
-use super::memory::{BufferLimits, IN_FLIGHT, row_bands, with_margin};
+use super::memory::{BufferLimits, IN_FLIGHT};
 use super::photos::Photos;
 use super::poses::{PoseState, RefinedPoses};
 use super::reorder::RefinedRows;
@@ -89,6 +90,8 @@ pub struct Trainer<'a> {
     /// Depth bands of the next steps.
     bands: DepthBands,
     gradients: Gradients,
+    /// Steps whose gradients of colours wait.
+    colors: ColorQueue,
     /// Photographs of `halved` if present, else of `dataset`.
     photos: Photos,
     /// The training views at half size, while steps use those.
@@ -157,15 +160,10 @@ impl<'a> Trainer<'a> {
         let extent = dataset.extent();
         let poses = poses::begin(dataset, &views, extent, &config, photos.poses)?;
         let transients = transients::begin(dataset, &config, photos.transients)?;
-        let sizes = views.iter().map(|&view| &dataset.views[view].camera);
+        let cameras = views.iter().map(|&view| &dataset.views[view].camera);
         let binding = BufferLimits::of(gpu).step_binding(&config);
-        let capacity = sizes
-            .map(|&Camera { width, height, .. }| {
-                let bands = row_bands([width, height], config.outputs(), binding);
-                let isects = with_margin(bands.pairs_expected(state.len()));
-                let [width, height] = bands.drawn();
-                Capacity::for_image(state.len(), isects, width, height)
-            })
+        let capacity = cameras
+            .map(|camera| capacity::before_steps(state.len(), camera, config.outputs(), binding))
             .fold(Capacity::LEAST, Capacity::max);
         let scratch = new_scratch(gpu, capacity, DepthBands::default(), config.outputs())?;
         let mut extremes = Extremes::default();
@@ -184,6 +182,7 @@ impl<'a> Trainer<'a> {
             gradients: Gradients::new(gpu, scratch.capacity, config.outputs())?,
             scratch,
             bands: DepthBands::default(),
+            colors: ColorQueue::new(iteration, &[]),
             photos,
             halved,
             exposure,

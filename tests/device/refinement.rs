@@ -52,6 +52,7 @@ fn refined_states_equal_those_of_the_host() {
         (StrategyKind::Mcmc, false),
     ] {
         let mut config = TrainConfig::for_iterations(100).with_strategy(kind);
+        config.adam.color_every = 1;
         config.refine.from = 1;
         config.refine.every = LAST;
         config.adc.opacity_reset_every = LAST;

@@ -11,6 +11,7 @@ use super::input::volume;
 use super::row::BenchRow;
 use super::session::{Bench, Times};
 use crate::Result;
+use crate::layout::COLOR_STEPS;
 use crate::scene::{Dataset, Splats, Split};
 use crate::stats::mean;
 use crate::train::{HostState, StepReport, TrainConfig, Trainer, initial_splats, schedule};
@@ -37,8 +38,8 @@ pub struct TrainPlan {
     pub budgets: Vec<PublishedLimits>,
 }
 
-/// Number of steps timed by stage, one at a time.
-const STAGED: usize = 5;
+/// Groups of steps timed by stage, one step at a time.
+const STAGED: usize = 3;
 
 /// Device memory of one splat count.
 #[derive(Clone, Debug, Serialize)]
@@ -138,9 +139,7 @@ fn steps(
     let row = bench.keep(&case, &runs);
     let (mut staged, mut reports) = (Vec::new(), Vec::new());
     for _ in 0..STAGED {
-        reports.extend(trainer.step()?);
-        let stages = trainer.timings()?;
-        staged.push(Times { stages, cpu_ns: None });
+        staged.push(mean_step(&mut trainer, &mut reports)?);
     }
     reports.extend(trainer.finish()?);
     let load = load(&reports, config, (splats, size));
@@ -159,6 +158,22 @@ fn steps(
         essential_bytes: formula.essential_bytes(),
     };
     Ok((row, memory, budgets))
+}
+
+/// Mean times by stage of as many steps as one update of the harmonics serves.
+fn mean_step(trainer: &mut Trainer<'_>, reports: &mut Vec<StepReport>) -> Result<Times> {
+    let mut stages: Vec<(&'static str, f64)> = Vec::new();
+    for _ in 0..COLOR_STEPS {
+        reports.extend(trainer.step()?);
+        for (i, (label, ns)) in trainer.timings()?.into_iter().enumerate() {
+            let share = ns / f64::from(COLOR_STEPS);
+            match stages.get_mut(i) {
+                Some((_, sum)) => *sum += share,
+                None => stages.push((label, share)),
+            }
+        }
+    }
+    Ok(Times { stages, cpu_ns: None })
 }
 
 /// Work of the steps of these reports.

@@ -6,10 +6,11 @@ use crate::gpu::{Gpu, TRANSFER_BYTES};
 use crate::kernels::rasterize::Outputs;
 use crate::layout::COUNT_ISECT_WANTED;
 use crate::render::{BandReplay, Blocks, ByDegree, Capacity, DepthBands, Model, Scratch, Slots, list_limit, total};
+use crate::scene::Camera;
 use crate::train::config::{StrategyKind, TrainConfig};
 use crate::train::device::DeviceState;
 use crate::train::gradients::{Gradients, record_widths};
-use crate::train::memory::{BufferLimits, TrainSize, splats_expected, step_needs, with_margin};
+use crate::train::memory::{BufferLimits, TrainSize, row_bands, splats_expected, step_needs, with_margin};
 use crate::train::reorder::RefinedRows;
 use crate::train::state::HostState;
 use crate::{Error, Result};
@@ -198,6 +199,13 @@ impl Trainer<'_> {
             }),
         }
     }
+}
+
+/// Capacity for steps of so many splats with this camera, before the pairs of one are known.
+pub(super) fn before_steps(splats: usize, camera: &Camera, outputs: Outputs, binding: u64) -> Capacity {
+    let bands = row_bands([camera.width, camera.height], outputs, binding);
+    let [width, height] = bands.drawn();
+    Capacity::for_image(splats, with_margin(bands.pairs_expected(splats)), width, height)
 }
 
 /// Scratch with zeroed counts, for at most as many pairs at a time as one binding holds.

@@ -2,6 +2,7 @@
 //! resumed run needs the same changes.
 
 use super::Trainer;
+use crate::train::colors::{ColorQueue, PendingColors};
 use crate::train::state::HostState;
 use crate::{Error, Result};
 
@@ -38,10 +39,24 @@ impl Trainer<'_> {
         self.gpu.upload(&self.state.buffers.statistics, 0, statistics)
     }
 
-    /// Replaces the state, also by one with more or fewer splats, and clears the statistics of density control. Waits
-    /// for the last step begun.
+    /// Gradients of colours that wait for an update of the harmonics, for a checkpoint; waits for the last step begun.
+    pub fn pending_colors(&mut self) -> Result<PendingColors> {
+        self.settle()?;
+        let waiting = self.colors.waiting(&self.config, self.iteration);
+        self.state.download_colors(&self.gpu, waiting)
+    }
+
+    /// Restores [`Trainer::pending_colors`] when a run is resumed.
+    pub fn set_pending_colors(&mut self, colors: &PendingColors) -> Result<()> {
+        self.colors = ColorQueue::new(self.iteration, &colors.positions);
+        self.state.upload_colors(&self.gpu, colors)
+    }
+
+    /// Replaces the state, also by one with more or fewer splats, and clears the statistics of density control and the
+    /// gradients that wait. Waits for the last step begun.
     pub fn replace(&mut self, state: &HostState) -> Result<()> {
         self.settle()?;
+        self.colors = ColorQueue::new(self.iteration, &[]);
         self.take_over(state).map_err(|e| e.at_step(self.iteration))
     }
 
@@ -53,6 +68,7 @@ impl Trainer<'_> {
         let statistics = self.statistics()?;
         let mut state = self.download()?;
         state.lower_degrees(degrees);
+        self.colors = ColorQueue::new(self.iteration, &[]);
         self.take_over(&state)?;
         self.set_statistics(&statistics)
     }
@@ -62,6 +78,7 @@ impl Trainer<'_> {
         self.replace(state)?;
         assert!(iteration <= self.iteration, "only what has been can be gone back to");
         self.iteration = iteration;
+        self.colors = ColorQueue::new(iteration, &[]);
         Ok(())
     }
 

@@ -111,6 +111,7 @@ impl Trainer<'_> {
         }
         [view.dropout, view.dropout_key] = schedule::dropout(&self.config, iteration);
         let bands = self.row_bands(camera);
+        let color = self.colors.push(&self.config, iteration, view.position);
         let geometry = schedule::geometry(&self.config, iteration);
         let (patches, ignored) = self.patches(index);
         let step = Step {
@@ -128,6 +129,7 @@ impl Trainer<'_> {
             size: view.size,
             part: PART_END,
             sh_degree: schedule::sh_degree(&self.config, iteration),
+            color,
             bands: self.bands,
             window_offset: schedule::window_offset(&self.config, self.views.len(), iteration),
             exposure: self.exposure.as_ref().map_or(UNEXPOSED, |gains| gains.push(index)),

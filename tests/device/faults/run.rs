@@ -52,6 +52,7 @@ pub(crate) fn train_with(gpu: &Gpu, folder: &Path, before: &mut dyn FnMut(u32)) 
             let saved = Checkpoint::read(&path)?;
             let mut trainer = Trainer::from_state(gpu, dataset, saved.config, &saved.state, saved.iteration)?;
             trainer.set_statistics(&saved.statistics)?;
+            trainer.set_pending_colors(&saved.colors)?;
             trainer
         }
         false => Trainer::new(gpu, dataset, config())?,
@@ -64,6 +65,7 @@ pub(crate) fn train_with(gpu: &Gpu, folder: &Path, before: &mut dyn FnMut(u32)) 
             iteration: trainer.iteration(),
             state,
             statistics: trainer.statistics()?,
+            colors: trainer.pending_colors()?,
             fingerprint: fingerprint(dataset),
             controller: None,
             exposure: None,

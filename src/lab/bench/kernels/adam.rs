@@ -16,7 +16,9 @@ use std::rc::Rc;
 /// Vectors that are compared.
 const SAMPLES: usize = 5000;
 /// The step, on which Adam's corrections depend.
-const STEP: i32 = 7;
+pub(super) const STEP: i32 = 7;
+/// Number of the step among those whose gradients of colours wait.
+const COLOR_STEP: u32 = 2;
 /// Number of the first splat.
 pub(super) const FIRST_SPLAT: u32 = 1000;
 
@@ -37,8 +39,10 @@ pub struct AdamInput {
     pub log_aspect_max: f32,
     /// Whether the frame failed.
     pub failed: bool,
-    /// Parameters, gradients, first and second moments.
+    /// Parameters, gradients, first and second moments. Gradients of colours are those of the first plane.
     pub vectors: [Vec<[f32; 4]>; 4],
+    /// Gradients of earlier steps that are taken at the same time, from the first.
+    pub earlier: Vec<Vec<[f32; 4]>>,
 }
 
 impl AdamInput {
@@ -63,11 +67,11 @@ impl AdamInput {
             log_aspect_max: 0.0,
             failed: false,
             vectors,
+            earlier: Vec::new(),
         }
     }
 
     pub(super) fn params(&self) -> Params {
-        let correction = |beta: f32| (1.0 / (1.0 - f64::from(beta).powi(STEP))) as f32;
         Params {
             first_splat: FIRST_SPLAT,
             splat_count: self.count as u32,
@@ -79,9 +83,10 @@ impl AdamInput {
             beta1: 0.9,
             beta2: 0.999,
             epsilon: 1e-15,
-            correction1: correction(0.9),
-            correction2: correction(0.999),
+            correction1: correction(0.9, STEP),
+            correction2: correction(0.999, STEP),
             log_aspect_max: self.log_aspect_max,
+            color_step: COLOR_STEP,
         }
     }
 
@@ -92,6 +97,20 @@ impl AdamInput {
     /// Whether a vector's gradient is left out, its squares being no numbers.
     fn is_poisoned(&self, i: usize) -> bool {
         self.is_stepped(i) && self.vectors[1][i].iter().any(|g| !(g * g).is_finite())
+    }
+
+    /// dL/d colour of a splat, and whether it is put aside as it is; else zeros are.
+    fn color(&self, splat: usize) -> ([f32; 3], bool) {
+        let [r, g, b, _] = self.vectors[1][splat];
+        let color = [r, g, b];
+        (color, color.iter().all(|d| (8.0 * d * d).is_finite()))
+    }
+
+    /// Splats whose colours are put aside as zeros.
+    fn poisoned_colors(&self) -> impl Iterator<Item = usize> {
+        let has_colors = self.planes.contains(&0) && !self.failed;
+        let splats = 0..if has_colors { self.count } else { 0 };
+        splats.filter(|&splat| !self.color(splat).1)
     }
 
     /// Parameters and moments of a vector after the step.
@@ -114,7 +133,9 @@ impl AdamInput {
                 second: f64::from(second[i][lane]),
             };
             let rate = f64::from(rate(&p, plane, lane));
-            adam.step(state, f64::from(gradients[i][lane]), rate, STEP)
+            let all = self.earlier.iter().chain([gradients]);
+            let gradients: Vec<f64> = all.map(|step| f64::from(step[i][lane])).collect();
+            adam.steps(state, &gradients, rate, STEP)
         };
         let mut next = [0, 1, 2, 3].map(step);
         if plane == 1 {
@@ -128,6 +149,11 @@ impl AdamInput {
         }
         [next.map(|s| s.value), next.map(|s| s.first), next.map(|s| s.second)]
     }
+}
+
+/// Adam's bias correction of a moment after a step.
+pub(super) fn correction(beta: f32, step: i32) -> f32 {
+    (1.0 / (1.0 - f64::from(beta).powi(step))) as f32
 }
 
 /// The learning rate of one lane of a plane.
@@ -158,10 +184,29 @@ pub(super) struct AdamBuffers {
 
 /// One step.
 pub fn adam<'a>(gpu: &Gpu, input: AdamInput) -> Result<KernelCase<'a, Adam>> {
-    let d_params = gpu.buffer_from("before", &input.vectors[1])?;
-    let (params, planes) = (input.params(), input.planes.len() as u32);
+    let stride = input.stride;
+    let gradients = [&input.vectors[1][..], &input.vectors[1][..stride]].concat();
+    let d_params = gpu.buffer_from("before", &gradients)?;
+    let (params, rows) = (input.params(), 1 + input.planes.len() as u32);
+    let begin = COLOR_STEP as usize * stride;
+    let colors_before = gpu.buffer_from("before", &vec![[f32::NAN; 3]; begin + stride])?;
+    let d_colors = gpu.buffer::<[f32; 3]>("after", begin + stride)?;
+    let is_written = |splat: &usize| *splat < input.count && !input.failed;
+    let expected: Vec<f64> = (0..stride)
+        .filter(is_written)
+        .map(|splat| input.color(splat))
+        .flat_map(|(color, is_sound)| color.map(|d| if is_sound { f64::from(d) } else { 0.0 }))
+        .collect();
     // A moment is two products and a sum of terms up to the gradients' magnitude: 4u of it.
     let (case, buffers) = stepped(gpu, input, 4.0)?;
+    let written = expected.len() / 3;
+    let case = case.copy(&colors_before, &d_colors).compare(&d_colors, move |after| {
+        let found = after[begin..begin + written]
+            .as_flattened()
+            .iter()
+            .map(|&d| f64::from(d));
+        vec![Output::exact("colours", found.collect(), expected.clone())]
+    });
     Ok(case.commands(move |rec, kernel: &Adam, _| {
         let io = Bindings {
             counts: &buffers.counts,
@@ -169,9 +214,10 @@ pub fn adam<'a>(gpu: &Gpu, input: AdamInput) -> Result<KernelCase<'a, Adam>> {
             params: &buffers.params,
             moment1: &buffers.moment1,
             moment2: &buffers.moment2,
+            d_colors: &d_colors,
         };
         let row = params.splat_count.div_ceil(kernel.workgroup);
-        kernel.record(rec, io, params, Groups::Grid([row, planes, 1]));
+        kernel.record(rec, io, params, Groups::Grid([row, rows, 1]));
     }))
 }
 
@@ -227,7 +273,8 @@ pub(super) fn stepped<'a, K: Kernel>(
     let counts = buffers.counts.clone();
     let case = case.judge(move |gpu| {
         let counts = read(gpu, &counts)?;
-        let poisoned: Vec<usize> = (0..vectors).filter(|&i| input.is_poisoned(i)).collect();
+        let poisoned = (0..vectors).filter(|&i| input.is_poisoned(i));
+        let poisoned: Vec<usize> = poisoned.chain(input.poisoned_colors()).collect();
         let first = poisoned.iter().map(|i| FIRST_SPLAT + (i % input.stride) as u32).min();
         // The slot counts down from the top, 0 being none.
         let first = first.map_or(0, |splat| u32::MAX - splat);

@@ -1,12 +1,12 @@
 //! Case of `adam_color`: harmonics and moments, one number at a time.
 
 use super::KernelCase;
-use super::adam::{AdamInput, SH_RATES, stepped};
+use super::adam::{AdamInput, SH_RATES, STEP, correction, stepped};
 use crate::Result;
 use crate::gpu::Gpu;
 use crate::kernels::adam_color::{AdamColor, Bindings, Choice, Params};
 use crate::lab::bench::input::random::Random;
-use crate::layout::{D_COLOR_PLANE, DIRECTION_PLANE, GEOMETRY_PLANES, GRADIENT_PLANES};
+use crate::layout::{COLOR_STEPS, GEOMETRY_PLANES};
 use crate::reference::sh;
 use crate::render::plane_count;
 use crate::scene::sh_coefficient_count;
@@ -17,77 +17,85 @@ pub struct AdamColorInput {
     pub adam: AdamInput,
     /// SH degree.
     pub sh_degree: u32,
-    /// Gradients in planes: of colours, and directions.
-    factors: Vec<[f32; 4]>,
+    /// Camera centre of each step.
+    positions: Vec<[f32; 3]>,
+    /// dL/d colour, `[step][splat]`.
+    d_colors: Vec<[f32; 3]>,
 }
 
 impl AdamColorInput {
-    /// Random numbers. `poison` is in the colour's gradient of every third splat.
-    pub fn new(count: usize, stride: usize, sh_degree: u32, magnitude: f64, poison: Option<f32>) -> AdamColorInput {
+    /// Random numbers, of so many steps.
+    pub fn new(count: usize, stride: usize, sh_degree: u32, magnitude: f64, steps: usize) -> AdamColorInput {
         let planes = GEOMETRY_PLANES as usize..plane_count(sh_degree);
         let mut adam = AdamInput::new(count, stride, planes, magnitude);
-        let mut factors = vec![[f32::NAN; 4]; GRADIENT_PLANES as usize * stride];
         let random = &mut Random::new(count as u64 + 1);
-        for splat in 0..stride {
-            let mut d_color = [0; 3].map(|_| random.between(-magnitude, magnitude) as f32);
-            if let (Some(poison), 1) = (poison, splat % 3) {
-                d_color[splat % 2] = poison;
-            }
-            let axes = [0; 3].map(|_| random.normal());
-            let length = axes.iter().map(|v| v * v).sum::<f64>().sqrt();
-            let direction = axes.map(|v| (v / length) as f32);
-            let [r, g, b] = d_color;
-            let [x, y, z] = direction;
-            factors[D_COLOR_PLANE as usize * stride + splat] = [r, g, b, 0.0];
-            factors[DIRECTION_PLANE as usize * stride + splat] = [x, y, z, 0.0];
-            let basis = sh::basis(sh_degree, direction.map(f64::from));
-            for k in 0..4 * (plane_count(sh_degree) - GEOMETRY_PLANES as usize) {
-                let is_used = k < 3 * sh_coefficient_count(sh_degree);
-                let gradient = if is_used {
-                    basis[k / 3] * f64::from(d_color[k % 3])
-                } else {
-                    0.0
-                };
-                let plane = GEOMETRY_PLANES as usize + k / 4;
-                adam.vectors[1][plane * stride + splat][k % 4] = gradient as f32;
-            }
-        }
+        let three = |random: &mut Random, size: f64| [0; 3].map(|_| random.between(-size, size) as f32);
+        // Splats lie within 2 of the origin along each axis.
+        let positions: Vec<[f32; 3]> = (0..steps)
+            .map(|_| [0; 3].map(|_| (4.0 + random.between(0.0, 4.0)) as f32))
+            .collect();
+        let d_colors: Vec<[f32; 3]> = (0..steps * stride).map(|_| three(random, magnitude)).collect();
+        let mut gradients: Vec<_> = (0..steps)
+            .map(|step| {
+                let mut vectors = adam.vectors[1].clone();
+                for splat in 0..stride {
+                    let offset: [f64; 3] = std::array::from_fn(|axis| {
+                        f64::from(adam.vectors[0][splat][axis]) - f64::from(positions[step][axis])
+                    });
+                    let length = offset.iter().map(|v| v * v).sum::<f64>().sqrt();
+                    let basis = sh::basis(sh_degree, offset.map(|v| v / length));
+                    let d_color = d_colors[step * stride + splat].map(f64::from);
+                    for k in 0..4 * (plane_count(sh_degree) - GEOMETRY_PLANES as usize) {
+                        let is_used = k < 3 * sh_coefficient_count(sh_degree);
+                        let gradient = if is_used { basis[k / 3] * d_color[k % 3] } else { 0.0 };
+                        vectors[(GEOMETRY_PLANES as usize + k / 4) * stride + splat][k % 4] = gradient as f32;
+                    }
+                }
+                vectors
+            })
+            .collect();
+        adam.vectors[1] = gradients.pop().unwrap_or_default();
+        adam.earlier = gradients;
         AdamColorInput {
             adam,
             sh_degree,
-            factors,
+            positions,
+            d_colors,
         }
     }
 }
 
-/// One step for `count` splats of degree 3.
+/// Steps for `count` splats of degree 3, as many as training takes at a time.
 pub fn usual<'a>(gpu: &Gpu, count: usize) -> Result<KernelCase<'a, AdamColor>> {
-    adam_color(gpu, AdamColorInput::new(count, count, 3, 1.0, None))
+    adam_color(gpu, AdamColorInput::new(count, count, 3, 1.0, COLOR_STEPS as usize))
 }
 
-/// One step.
+/// All steps.
 pub fn adam_color<'a>(gpu: &Gpu, input: AdamColorInput) -> Result<KernelCase<'a, AdamColor>> {
-    let d_params = gpu.buffer_from("factors", &input.factors)?;
-    let (p, degree) = (input.adam.params(), input.sh_degree);
+    let d_colors = gpu.buffer_from("factors", &input.d_colors)?;
+    let (p, degree, steps) = (input.adam.params(), input.sh_degree, input.positions.len());
+    let back = |i: usize| input.positions[steps - 1 - i.min(steps - 1)];
     let params = Params {
-        first_splat: p.first_splat,
         splat_count: p.splat_count,
         stride: p.stride,
+        step_count: steps as u32,
         rate_sh_dc: SH_RATES[0],
         rate_sh_rest: SH_RATES[1],
         beta1: p.beta1,
         beta2: p.beta2,
         epsilon: p.epsilon,
-        correction1: p.correction1,
+        position: std::array::from_fn(back),
+        correction1: std::array::from_fn(|i| correction(p.beta1, STEP - i as i32)),
         correction2: p.correction2,
     };
-    // Eight roundings of a basis function's terms, whose magnitudes add up to 3 at most, are 24u of a gradient; a tenth
-    // of that enters the moment, beside 4u of its own.
-    let (case, buffers) = stepped(gpu, input.adam, 7.0)?;
+    // Eight roundings of a basis function's terms, whose magnitudes add up to 3 at most, are 24u of a gradient, and
+    // four of the direction, by which it changes 7 times as fast, another 28u. Four gradients enter the moment with
+    // 0.35 of that, beside two roundings of each sum and 4u of the moment's own.
+    let (case, buffers) = stepped(gpu, input.adam, 31.0)?;
     let case = case.commands(move |rec, kernel: &AdamColor, _| {
         let io = Bindings {
             counts: &buffers.counts,
-            d_params: &d_params,
+            d_colors: &d_colors,
             params: &buffers.params,
             moment1: &buffers.moment1,
             moment2: &buffers.moment2,
