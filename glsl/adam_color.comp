@@ -7,7 +7,8 @@
 //
 // One invocation per splat. The gradient of a coefficient is its basis function, in the direction of the view, times
 // the gradient of the colour: 6 numbers an iteration give all 48. Both moments go through all steps; the parameters
-// move by the sum of the first moments over the root of the last second moment. Directions are those to the splat as it
+// move by the sum of the first moments over the root of the last second moment. Until the next update they lie ahead,
+// where their momentum would take them on the mean of the steps until then. Directions are those to the splat as it
 // lies now. The kernels of all degrees take the same steps to the bit: `precise` keeps compilers from fusing products
 // into sums in some of them.
 
@@ -33,7 +34,8 @@ layout(push_constant, scalar) uniform Push {
     float epsilon;
     vec3 position[COLOR_STEPS];      // camera centre of each step from the last back, world units
     float correction1[COLOR_STEPS];  // 1 / (1 - beta1^step) of each, in double precision on the host
-    float correction2;               // 1 / (1 - beta2^step) of the last step
+    float correction2[2];            // 1 / (1 - beta2^step) before these steps, and after
+    float look_ahead[2];             // first moments by which parameters lie ahead before these steps, and after
 } push;
 
 // Products of a coefficient's gradients with their weights are those of these factors and the basis functions.
@@ -74,10 +76,11 @@ void main() {
     uint numbers = 3 * (SH_DEGREE + 1) * (SH_DEGREE + 1);
     [[unroll]] for (uint plane = 0; plane < (numbers + 3) / 4; ++plane) {
         uint place = (GEOMETRY_PLANES + plane) * push.stride + splat;
-        vec4 before = moment1[place];
-        precise vec4 m = kept1 * before;
-        precise vec4 sum = kept_sum * before;
-        precise vec4 v = kept2 * moment2[place];
+        vec4 m_before = moment1[place];
+        vec4 v_before = moment2[place];
+        precise vec4 m = kept1 * m_before;
+        precise vec4 sum = kept_sum * m_before;
+        precise vec4 v = kept2 * v_before;
         vec4 rate = vec4(push.rate_sh_rest);
         [[unroll]] for (uint lane = 0; lane < 4; ++lane) {
             uint k = plane * 4 + lane;
@@ -90,7 +93,9 @@ void main() {
                 v[lane] += b * b * factors[i].second[k % 3];
             }
         }
-        precise vec4 next = params[place] - rate * sum / (sqrt(v * push.correction2) + push.epsilon);
+        precise vec4 back = push.look_ahead[0] * m_before / (sqrt(v_before * push.correction2[0]) + push.epsilon);
+        precise vec4 move = (sum + push.look_ahead[1] * m) / (sqrt(v * push.correction2[1]) + push.epsilon);
+        precise vec4 next = params[place] - rate * (move - back);
         // Else the previous state stays, which is finite.
         if (!is_finite(m) || !is_finite(v) || !is_finite(next)) continue;
         params[place] = next;

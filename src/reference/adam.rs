@@ -35,13 +35,23 @@ pub struct AdamState {
 impl Adam {
     /// State after step number `step`, counted from 1.
     pub fn step(&self, state: AdamState, gradient: f64, rate: f64, step: i32) -> AdamState {
-        self.steps(state, &[gradient], rate, step)
+        self.steps(state, &[gradient], rate, step, 0.0)
     }
 
     /// State after several steps, the last number `last`, counted from 1. The parameter moves once: by the sum of the
-    /// unbiased first moments over the root of the last second moment.
-    pub fn steps(&self, state: AdamState, gradients: &[f64], rate: f64, last: i32) -> AdamState {
-        assert!(last >= gradients.len() as i32, "steps are counted from 1");
+    /// unbiased first moments over the root of the last second moment. Before and after, it lies `ahead` so many first
+    /// moments.
+    pub fn steps(&self, state: AdamState, gradients: &[f64], rate: f64, last: i32, ahead: f64) -> AdamState {
+        let before = last - gradients.len() as i32;
+        assert!(before >= 0, "steps are counted from 1");
+        let over_root = |first: f64, second: f64, step: i32| {
+            let unbiased = second / (1.0 - self.beta2.powi(step));
+            first / (unbiased.sqrt() + self.epsilon)
+        };
+        let back = match ahead {
+            0.0 => 0.0,
+            _ => ahead * over_root(state.first, state.second, before),
+        };
         let AdamState {
             value,
             mut first,
@@ -53,9 +63,8 @@ impl Adam {
             second = self.beta2 * second + (1.0 - self.beta2) * gradient * gradient;
             sum += first / (1.0 - self.beta1.powi(last - back));
         }
-        let second_unbiased = second / (1.0 - self.beta2.powi(last));
         AdamState {
-            value: value - rate * sum / (second_unbiased.sqrt() + self.epsilon),
+            value: value - rate * (over_root(sum + ahead * first, second, last) - back),
             first,
             second,
         }

@@ -235,6 +235,7 @@ impl Backward {
                 position: update.position,
                 correction1: update.correction1,
                 correction2: update.correction2,
+                look_ahead: update.look_ahead,
             },
             kernel.groups(block.count),
         );

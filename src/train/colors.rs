@@ -35,8 +35,10 @@ pub(crate) struct ColorUpdate {
     pub(crate) position: [[f32; 3]; COLOR_STEPS as usize],
     /// Bias corrections of the first moment.
     pub(crate) correction1: [f32; COLOR_STEPS as usize],
-    /// Bias correction of the second moment after the last step.
-    pub(crate) correction2: f32,
+    /// Bias corrections of the second moment before the steps, and after.
+    pub(crate) correction2: [f32; 2],
+    /// First moments by which the harmonics lie ahead before the steps, and after.
+    pub(crate) look_ahead: [f32; 2],
 }
 
 /// Camera centres of the last steps.
@@ -69,7 +71,8 @@ impl ColorQueue {
                 steps: iteration + 1 - first,
                 position: [position; COLOR_STEPS as usize],
                 correction1: [0.0; COLOR_STEPS as usize],
-                correction2: schedule::bias_corrections(config, iteration)[1],
+                correction2: [first - 1, iteration].map(|step| schedule::bias_corrections(config, step)[1]),
+                look_ahead: [first - 1, iteration].map(|step| schedule::look_ahead(config, step)),
             };
             let waiting = self.steps.iter().rev().take_while(|&&(step, _)| step >= first);
             for (i, &(step, position)) in waiting.enumerate() {

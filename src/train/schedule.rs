@@ -84,6 +84,18 @@ pub fn first_color_step(config: &TrainConfig, last_updated: u32, iteration: u32)
     first
 }
 
+/// First moments by which the harmonics lie ahead of their place after an update at an iteration: the mean, over the
+/// iterations until the next update, of what their momentum adds by then. 0 at the end of the run.
+pub fn look_ahead(config: &TrainConfig, iteration: u32) -> f32 {
+    if iteration >= config.iterations {
+        return 0.0;
+    }
+    let beta1 = f64::from(config.adam.beta1);
+    let added = |steps: u32| (1..=steps).map(|step| beta1.powi(step as i32)).sum::<f64>();
+    let every = config.adam.color_every;
+    ((0..every).map(added).sum::<f64>() / f64::from(every)) as f32
+}
+
 /// Index of the training view of an iteration, of `view_count`: each once an epoch, in an order that is a function of
 /// (seed, epoch).
 ///

@@ -81,8 +81,8 @@ constants! {
         beta2: f32 = 0.999, 0.0..=BELOW_ONE;
         /// Summand beside the root of the second moment: 1e-15, because gradients of single splats are tiny.
         epsilon: f32 = 1e-15, f32::MIN_POSITIVE..=1.0;
-        /// Iterations between updates of the harmonics, each by the gradients of all of them: 2.
-        color_every: u32 = 2, 1..=COLOR_STEPS;
+        /// Iterations between updates of the harmonics, each by the gradients of all of them: 4.
+        color_every: u32 = 4, 1..=COLOR_STEPS;
     }
 }
 

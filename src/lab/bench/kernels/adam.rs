@@ -43,6 +43,8 @@ pub struct AdamInput {
     pub vectors: [Vec<[f32; 4]>; 4],
     /// Gradients of earlier steps that are taken at the same time, from the first.
     pub earlier: Vec<Vec<[f32; 4]>>,
+    /// First moments by which parameters lie ahead.
+    pub look_ahead: f32,
 }
 
 impl AdamInput {
@@ -68,6 +70,7 @@ impl AdamInput {
             failed: false,
             vectors,
             earlier: Vec::new(),
+            look_ahead: 0.0,
         }
     }
 
@@ -135,7 +138,7 @@ impl AdamInput {
             let rate = f64::from(rate(&p, plane, lane));
             let all = self.earlier.iter().chain([gradients]);
             let gradients: Vec<f64> = all.map(|step| f64::from(step[i][lane])).collect();
-            adam.steps(state, &gradients, rate, STEP)
+            adam.steps(state, &gradients, rate, STEP, f64::from(self.look_ahead))
         };
         let mut next = [0, 1, 2, 3].map(step);
         if plane == 1 {

@@ -56,6 +56,7 @@ impl AdamColorInput {
             .collect();
         adam.vectors[1] = gradients.pop().unwrap_or_default();
         adam.earlier = gradients;
+        adam.look_ahead = 0.25 * (steps as f32 - 1.0);
         AdamColorInput {
             adam,
             sh_degree,
@@ -86,7 +87,8 @@ pub fn adam_color<'a>(gpu: &Gpu, input: AdamColorInput) -> Result<KernelCase<'a,
         epsilon: p.epsilon,
         position: std::array::from_fn(back),
         correction1: std::array::from_fn(|i| correction(p.beta1, STEP - i as i32)),
-        correction2: p.correction2,
+        correction2: [STEP - steps as i32, STEP].map(|step| correction(p.beta2, step)),
+        look_ahead: [input.adam.look_ahead; 2],
     };
     // Eight roundings of a basis function's terms, whose magnitudes add up to 3 at most, are 24u of a gradient, and
     // four of the direction, by which it changes 7 times as fast, another 28u. Four gradients enter the moment with
