@@ -141,7 +141,9 @@ mod tests {
         let config = config();
         for saved in 0..19 {
             let mut whole = ColorQueue::new(0, &[]);
-            (1..=saved).for_each(|i| drop(whole.push(&config, i, at(i))));
+            (1..=saved).for_each(|i| {
+                whole.push(&config, i, at(i));
+            });
             let mut resumed = ColorQueue::new(saved, &whole.waiting(&config, saved));
             let again = whole.push(&config, saved + 1, at(0));
             for iteration in saved + 1..=19 {

@@ -233,20 +233,23 @@ fn a_trivial_scene_ends_with_a_twentieth_of_an_intricate_one_and_most_rounds_tak
         .filter(|entry| matches!(entry.act, Act::Removed | Act::Rejected))
         .collect();
     // Scores of views trained on are not kept: without visible error in them, they lose nothing beyond earlier rounds.
-    let (mut lost, mut twice) = (0.0, 0);
+    // After a loss, such a round may also have found none by the same splats twice.
+    let (mut lost, mut twice, mut unclear) = (0.0, 0, 0);
     for entry in &rounds {
         let reduced = entry.reduced.as_ref().unwrap();
         let trained = reduced.loss.trained.psnr_db.mean;
         let is_full = reduced.scores.psnr_db.iter().all(|&psnr| psnr >= 40.0) && trained == lost;
         twice += usize::from(!is_full);
+        unclear += usize::from(is_full && lost != 0.0);
         if entry.act == Act::Removed {
             lost = trained;
         }
     }
-    assert!(twice < rounds.len(), "{rounds:?}");
+    assert!(2 * (twice + unclear) < rounds.len(), "{rounds:?}");
     // Steps that did not fit at first are taken again: some.
     let least = 600 + 30 * twice;
-    assert!((least..least + 30).contains(&steps), "{steps} steps: {rounds:?}");
+    let most = least + 30 * unclear;
+    assert!((least..most + 30).contains(&steps), "{steps} steps: {rounds:?}");
     Ok(())
 }
 
