@@ -63,7 +63,7 @@ Examples:
 ///
 /// On the photographs of DATA, from its points or from --init, sampled to exactly each number of splats; without
 /// refinement, so that the number stays. `step` is wall time and processor time (user and system) of the whole
-/// process per step in a run of them, `alone` the device's stages of single ones.
+/// process per step in a run of them, `alone` the device's stages of single ones, means of four.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = TRAIN_EXAMPLES)]
 pub(super) struct BenchTrainArgs {
