@@ -120,8 +120,8 @@ impl<'a> Trainer<'a> {
         Trainer::from_state(gpu, dataset, config, &state, 0)
     }
 
-    /// Continues from the state after `iteration`. Statistics of density control start at 0, and exposures, if the run
-    /// has them, as those of a new run.
+    /// Continues from the state after `iteration`. Statistics of density control start at 0, no gradient of a colour
+    /// waits, and exposures, if the run has them, start as those of a new run.
     pub fn from_state(
         gpu: &Gpu,
         dataset: &'a Dataset,

@@ -7,7 +7,7 @@ use crate::stability::props::{OPAQUE, logit, with_copy};
 use ashfall::reference::frame::render_splats;
 use ashfall::reference::{Dual, Options, Real, Splat, Viewpoint};
 use ashfall::scene::AlphaMode;
-use ashfall::train::{HostState, Trainer};
+use ashfall::train::{HostState, PendingColors, Trainer};
 
 /// Asserts that the splats added in `more` are invisible and change nothing, in the picture and in a step.
 #[track_caller]
@@ -201,13 +201,16 @@ fn train(lab: &Lab, scene: &Scene, parts: &[u32]) -> HostState {
     let dataset = dataset(scene, &lesson);
     let mut state = HostState::from_splats(&scene.splats, scene.splats.sh_degree);
     let mut iteration = BEGUN;
+    let mut colors = PendingColors::default();
     for steps in parts {
         let config = config(scene, 0.2);
         let mut trainer = Trainer::from_state(lab.gpu(), &dataset, config, &state, iteration).unwrap();
+        trainer.set_pending_colors(&colors).unwrap();
         for _ in 0..*steps {
             trainer.step().unwrap();
         }
         state = trainer.download().unwrap();
+        colors = trainer.pending_colors().unwrap();
         iteration = trainer.iteration();
     }
     state

@@ -219,7 +219,9 @@ pub(super) fn of_runs(plan: &ChartPlan, splats: u32) -> Vec<RunSetting> {
     }
     runs.push(with("loss", "SSIM of every pixel".into(), &|c| c.ssim_stride = 1));
     runs.push(with("loss", "L1 alone".into(), &|c| c.lambda_dssim = 0.0));
-    runs.push(with(HARMONICS, "updated in every step".into(), &|c| c.adam.color_every = 1));
+    runs.push(with(HARMONICS, "updated in every step".into(), &|c| {
+        c.adam.color_every = 1
+    }));
     runs.push(with("render mode", "mip".into(), &|c| c.filter = ScreenFilter::Mip));
     for most in [splats, (splats / 2).max(1)] {
         let setting = format!("MCMC, {most} splats");
