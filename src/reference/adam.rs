@@ -48,9 +48,10 @@ impl Adam {
             let unbiased = second / (1.0 - self.beta2.powi(step));
             first / (unbiased.sqrt() + self.epsilon)
         };
-        let back = match ahead {
-            0.0 => 0.0,
-            _ => ahead * over_root(state.first, state.second, before),
+        let back = if ahead > 0.0 {
+            ahead * over_root(state.first, state.second, before)
+        } else {
+            0.0
         };
         let AdamState {
             value,
@@ -58,10 +59,10 @@ impl Adam {
             mut second,
         } = state;
         let mut sum = 0.0;
-        for (&gradient, back) in gradients.iter().zip((0..gradients.len() as i32).rev()) {
+        for (&gradient, step) in gradients.iter().zip(before + 1..) {
             first = self.beta1 * first + (1.0 - self.beta1) * gradient;
             second = self.beta2 * second + (1.0 - self.beta2) * gradient * gradient;
-            sum += first / (1.0 - self.beta1.powi(last - back));
+            sum += first / (1.0 - self.beta1.powi(step));
         }
         AdamState {
             value: value - rate * (over_root(sum + ahead * first, second, last) - back),

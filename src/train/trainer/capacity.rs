@@ -7,6 +7,7 @@ use crate::kernels::rasterize::Outputs;
 use crate::layout::COUNT_ISECT_WANTED;
 use crate::render::{BandReplay, Blocks, ByDegree, Capacity, DepthBands, Model, Scratch, Slots, list_limit, total};
 use crate::scene::Camera;
+use crate::train::colors::ColorQueue;
 use crate::train::config::{StrategyKind, TrainConfig};
 use crate::train::device::DeviceState;
 use crate::train::gradients::{Gradients, record_widths};
@@ -108,14 +109,17 @@ impl Trainer<'_> {
         Ok(())
     }
 
-    /// Replaces the state, possibly by one of another size. If the memory limit refuses it, the run is unchanged.
+    /// Replaces the state, possibly by one of another size; gradients that wait are dropped. If the memory limit
+    /// refuses it, the run is unchanged.
     pub(super) fn take_over(&mut self, state: &HostState) -> Result<()> {
         if self.state.fits(state) {
+            self.colors = ColorQueue::new(self.iteration, &[]);
             return self.state.fill(&self.gpu, state);
         }
         let capacity = self.capacity_for(state.len());
         let (filter, sh_degree) = (self.state.model.filter, state.sh_degree);
         self.check_replacement(&state.degrees, capacity, 0)?;
+        self.colors = ColorQueue::new(self.iteration, &[]);
         self.frames.release()?;
         let nothing = HostState {
             primitive: state.primitive,

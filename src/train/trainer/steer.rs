@@ -56,7 +56,6 @@ impl Trainer<'_> {
     /// gradients that wait. Waits for the last step begun.
     pub fn replace(&mut self, state: &HostState) -> Result<()> {
         self.settle()?;
-        self.colors = ColorQueue::new(self.iteration, &[]);
         self.take_over(state).map_err(|e| e.at_step(self.iteration))
     }
 
@@ -68,7 +67,6 @@ impl Trainer<'_> {
         let statistics = self.statistics()?;
         let mut state = self.download()?;
         state.lower_degrees(degrees);
-        self.colors = ColorQueue::new(self.iteration, &[]);
         self.take_over(&state)?;
         self.set_statistics(&statistics)
     }
