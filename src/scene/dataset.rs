@@ -253,6 +253,16 @@ impl Dataset {
         *counts.select_nth_unstable(middle).1 as f64
     }
 
+    /// Mean number of pixels of a training view; 0 without any.
+    pub fn mean_pixels(&self) -> f64 {
+        let views = self.split(Split::Train);
+        let pixels = |&view: &usize| {
+            let Camera { width, height, .. } = self.views[view].camera;
+            f64::from(width) * f64::from(height)
+        };
+        views.iter().map(pixels).sum::<f64>() / views.len().max(1) as f64
+    }
+
     /// Indices of the views of a split, ascending.
     pub fn split(&self, split: Split) -> Vec<usize> {
         (0..self.views.len())
@@ -285,6 +295,19 @@ mod tests {
             camera,
             photo: PhotoSource::Memory(Photo::from_rgb(1, 1, &[[0.0; 3]])),
         }
+    }
+
+    #[test]
+    fn mean_pixels_are_those_of_training_views() {
+        let mut dataset = Dataset {
+            views: [0.0, 0.1, 0.2].map(view).to_vec(),
+            test_every: 2,
+            ..Dataset::default()
+        };
+        // Views 0 and 2 are held out.
+        dataset.views[1].camera.width = 30;
+        assert_eq!(dataset.mean_pixels(), 300.0);
+        assert_eq!(Dataset::default().mean_pixels(), 0.0);
     }
 
     #[test]

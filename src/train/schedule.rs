@@ -106,6 +106,15 @@ pub fn view(config: &TrainConfig, view_count: usize, iteration: u32) -> usize {
     view_order(config.seed, view_count, (ordinal / view_count) as u32)[ordinal % view_count]
 }
 
+/// Halvings of the photographs' width and height in the step after so many iterations.
+pub fn halvings(config: &TrainConfig, iterations: u32) -> u32 {
+    if iterations >= config.coarse_until {
+        return 0;
+    }
+    let most = u64::from(config.coarse_halvings);
+    (most - u64::from(iterations) * most / u64::from(config.coarse_until)) as u32
+}
+
 /// Distance of SSIM's windows, pixels; without SSIM pixels are compared one by one.
 pub fn window_stride(config: &TrainConfig) -> u32 {
     if config.lambda_dssim > 0.0 {
@@ -307,6 +316,18 @@ mod tests {
         assert!((first - 10.0).abs() < 1e-4 && (second - 1000.0).abs() < 0.1);
         let late = bias_corrections(&TrainConfig::default(), 1_000_000);
         assert_eq!(late, [1.0, 1.0]);
+    }
+
+    #[test]
+    fn halvings_are_taken_back_after_equal_parts() {
+        let mut config = TrainConfig::for_iterations(1_000);
+        assert_eq!(halvings(&config, 0), 0);
+        config.coarse_until = 500;
+        assert_eq!([0, 499, 500].map(|i| halvings(&config, i)), [1, 1, 0]);
+        config.coarse_halvings = 2;
+        assert_eq!([0, 249, 250, 499, 500].map(|i| halvings(&config, i)), [2, 2, 1, 1, 0]);
+        config.coarse_halvings = 3;
+        assert_eq!([166, 167, 333, 334].map(|i| halvings(&config, i)), [3, 2, 2, 1]);
     }
 
     #[test]

@@ -5,7 +5,7 @@
 //! run equals an uninterrupted one to the bit.
 
 mod capacity;
-mod halved;
+mod coarse;
 mod inspect;
 mod poses;
 mod steer;
@@ -37,6 +37,7 @@ use std::collections::VecDeque;
 
 pub use capacity::Extremes;
 use capacity::{limit_splats, new_scratch};
+use coarse::Coarse;
 use submit::StepInFlight;
 
 /// Report of a finished step.
@@ -92,10 +93,10 @@ pub struct Trainer<'a> {
     gradients: Gradients,
     /// Steps whose gradients of colours wait.
     colors: ColorQueue,
-    /// Photographs of `halved` if present, else of `dataset`.
+    /// Photographs of `coarse` if present, else of `dataset`.
     photos: Photos,
-    /// The training views at half size, while steps use those.
-    halved: Option<Dataset>,
+    /// The training views at reduced size, while steps use those.
+    coarse: Option<Coarse>,
     /// Exposures of the photographs, in the order of `views`.
     exposure: Option<ExposureGains>,
     /// Refined poses of the photographs, in the order of `views`.
@@ -168,7 +169,8 @@ impl<'a> Trainer<'a> {
         let scratch = new_scratch(gpu, capacity, DepthBands::default(), config.outputs())?;
         let mut extremes = Extremes::default();
         extremes.note(&state.degrees);
-        let (halved, photos) = halved::begin(gpu, dataset, &views, &config, iteration < config.half_size_until)?;
+        let halvings = schedule::halvings(&config, iteration);
+        let (coarse, photos) = coarse::begin(gpu, dataset, &views, &config, halvings)?;
         let plain = config.plain_outputs();
         let mut trainer = Trainer {
             gpu: gpu.clone(),
@@ -184,7 +186,7 @@ impl<'a> Trainer<'a> {
             bands: DepthBands::default(),
             colors: ColorQueue::new(iteration, &[]),
             photos,
-            halved,
+            coarse,
             exposure,
             poses,
             transients,

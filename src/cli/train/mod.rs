@@ -155,14 +155,15 @@ pub(super) fn run(args: &TrainArgs) -> Result<Outcome> {
 
 fn new_run<'a>(args: &TrainArgs, gpu: &Gpu, dataset: &'a Dataset) -> Result<AutoRun<'a>> {
     let kind = gpu.caps().kind;
+    let by_size = |usual: TrainConfig| usual.coarse_to_fine(dataset.mean_pixels());
     let Some(loss_db) = args.parsimony else {
-        let config = args.config.config(kind)?.within(dataset, BufferLimits::of(gpu));
-        return AutoRun::new(gpu, dataset, config);
+        let config = args.config.config_from(kind, by_size)?;
+        return AutoRun::new(gpu, dataset, config.within(dataset, BufferLimits::of(gpu)));
     };
     check_parsimony(gpu, dataset, &args.config.config(kind)?)?;
     let config = args.config.config_from(kind, |mut usual| {
         usual.auto.loss_db = loss_db;
-        for_auto_count(usual, dataset.views_per_point())
+        for_auto_count(by_size(usual), dataset.views_per_point())
     })?;
     let is_open = args.config.iterations.is_none();
     AutoRun::new(gpu, dataset, config)?.controlled(|trainer, dataset| CountController::begin(trainer, dataset, is_open))
@@ -284,6 +285,13 @@ fn announce(output: Output, gpu: &Gpu, dataset: &Dataset, run: &AutoRun<'_>, sta
         let views = dataset.views_per_point();
         output.remark(format_args!(
             "a point lies in {views} training images (median): trained against overfitting"
+        ));
+    }
+    if state.iteration < config.coarse_until {
+        output.remark(format_args!(
+            "coarse to fine: photographs start at 1/{} of their width and height, and are whole from iteration {} on",
+            1 << config.coarse_halvings,
+            config.coarse_until + 1
         ));
     }
     output.remark(prediction.line(gpu.memory_limit()));

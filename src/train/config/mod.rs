@@ -5,6 +5,7 @@
 //! [`TrainConfig::for_iterations`] scales the schedules to the length of a run.
 
 mod auto;
+mod coarse;
 mod constants;
 mod groups;
 mod retired;
@@ -143,14 +144,18 @@ pub struct TrainConfig {
     /// of the device holds. A new run within `--memory-limit` sets it.
     #[serde(default)]
     pub band_pixels: u32,
-    /// Iteration up to which photographs have half their width and height, and steps a quarter of the pixels; 0: never.
-    /// Its cost in quality must be measured.
-    #[serde(default)]
-    pub half_size_until: u32,
-    /// Dilation of splats on half-size photographs, relative to that on full-size ones: 1/4, the same part of the
+    /// Iteration up to which photographs are reduced, coarse to fine; 0: never.
+    /// [`coarse_to_fine`](TrainConfig::coarse_to_fine) sets it for large ones.
+    #[serde(default, alias = "half_size_until")]
+    pub coarse_until: u32,
+    /// Halvings of the photographs' width and height at the start, 1 to 8; each is taken back after an equal part of
+    /// those iterations.
+    #[serde(default = "one_halving")]
+    pub coarse_halvings: u32,
+    /// Dilation of splats on photographs halved once, relative to that on full-size ones: 1/4, the same part of the
     /// scene, so that splats fitted at half size are not too sharp at full size.
-    #[serde(default = "half_size_dilation")]
-    pub half_size_dilation: f32,
+    #[serde(default = "coarse_dilation", alias = "half_size_dilation")]
+    pub coarse_dilation: f32,
     /// Approximations of frames and gradients, of bounded error.
     #[serde(default)]
     pub accuracy: Accuracy,
@@ -167,7 +172,11 @@ fn every_pixel() -> u32 {
     1
 }
 
-fn half_size_dilation() -> f32 {
+fn one_halving() -> u32 {
+    1
+}
+
+fn coarse_dilation() -> f32 {
     0.25
 }
 
@@ -234,8 +243,9 @@ impl TrainConfig {
             near_factor: 0.01,
             photo_share: 0.25,
             band_pixels: 0,
-            half_size_until: 0,
-            half_size_dilation: half_size_dilation(),
+            coarse_until: 0,
+            coarse_halvings: one_halving(),
+            coarse_dilation: coarse_dilation(),
             accuracy: Accuracy::default(),
             geometry: GeometryConfig::default(),
             auto: AutoConfig::default(),

@@ -44,7 +44,8 @@ impl TrainConfig {
         }
         self.near_factor.check("near_factor", 1e-9..=1.0)?;
         self.photo_share.check("photo_share", 0.0..=1.0)?;
-        self.half_size_dilation.check("half_size_dilation", 0.0..=1e3)?;
+        self.coarse_halvings.check("coarse_halvings", 1..=8)?;
+        self.coarse_dilation.check("coarse_dilation", 0.0..=1e3)?;
         self.accuracy.validate()?;
         self.mip.check()?;
         self.rates.check()?;

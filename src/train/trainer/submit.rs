@@ -1,7 +1,7 @@
 //! Steps recorded, and their reports. A photograph whose arrays exceed a binding of the device is drawn in bands of
 //! rows: the records of all bands are summed before the gradients.
 
-use super::{StepReport, Trainer, poses};
+use super::{Coarse, StepReport, Trainer, poses};
 use crate::Result;
 use crate::gpu::{Readback, Recorder, Ticket};
 use crate::layout::*;
@@ -95,8 +95,8 @@ impl Trainer<'_> {
 
     pub(super) fn submit(&mut self, iteration: u32) -> Result<StepInFlight> {
         let index = schedule::view(&self.config, self.views.len(), iteration);
-        let (dataset, camera) = match &self.halved {
-            Some(half) => (half, &half.views[index].camera),
+        let (dataset, camera) = match &self.coarse {
+            Some(Coarse { dataset, .. }) => (dataset, &dataset.views[index].camera),
             None => (self.dataset, &self.dataset.views[self.views[index]].camera),
         };
         let options = ViewOptions {
@@ -106,8 +106,8 @@ impl Trainer<'_> {
         };
         let model = &self.state.model;
         let mut view = view_of(&self.refined(index, camera), &options);
-        if self.halved.is_some() {
-            view.dilation *= self.config.half_size_dilation;
+        if let Some(coarse) = &self.coarse {
+            view.dilation *= self.config.coarse_dilation.powi(coarse.halvings as i32);
         }
         [view.dropout, view.dropout_key] = schedule::dropout(&self.config, iteration);
         let bands = self.row_bands(camera);

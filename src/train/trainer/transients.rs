@@ -29,21 +29,22 @@ impl Trainer<'_> {
     }
 
     /// Patches of the photograph at a place, at the size that steps use, and a bit of each: ignored. Photographs that
-    /// are too small to be halved have none in steps at half size.
+    /// are too small to be halved as often as others have none in steps at reduced size.
     pub(super) fn patches(&self, place: usize) -> (Option<PatchGrid>, Vec<u32>) {
         let Some(transients) = &self.transients else {
             return (None, Vec::new());
         };
         let (grid, words) = (transients.grid(place), transients.words(place).to_vec());
-        let Some(half) = &self.halved else {
+        let Some(coarse) = &self.coarse else {
             return (Some(grid), words);
         };
         let full = &self.dataset.views[self.views[place]].camera;
-        let camera = &half.views[place].camera;
-        let is_half = |whole: u32, part: u32| whole.div_ceil(2) == part;
-        match is_half(full.width, camera.width) && is_half(full.height, camera.height) {
-            true => (Some(grid.halved()), words),
-            false => (None, vec![0]),
+        let camera = &coarse.dataset.views[place].camera;
+        let is_reduced = |whole: u32, part: u32| whole.div_ceil(1 << coarse.halvings) == part;
+        let fits = is_reduced(full.width, camera.width) && is_reduced(full.height, camera.height);
+        match grid.halved(coarse.halvings).filter(|_| fits) {
+            Some(grid) => (Some(grid), words),
+            None => (None, vec![0]),
         }
     }
 

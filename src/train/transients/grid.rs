@@ -35,12 +35,11 @@ impl PatchGrid {
         }
     }
 
-    /// The same patches of the photograph at half size, rounded up.
-    pub fn halved(self) -> PatchGrid {
-        PatchGrid {
-            shift: self.shift - 1,
-            ..self
-        }
+    /// The same patches of the photograph at half size, rounded up, halved so many times; `None` if they would have
+    /// less than a pixel.
+    pub fn halved(self, times: u32) -> Option<PatchGrid> {
+        let shift = self.shift.checked_sub(times)?;
+        Some(PatchGrid { shift, ..self })
     }
 
     /// Number of patches.
@@ -88,10 +87,13 @@ mod tests {
             let grid = PatchGrid::of(width, height);
             assert!(grid.columns.max(grid.rows) <= SIDE_MAX && grid.words() <= PATCH_WORDS);
             assert_eq!(grid.place(width - 1, height - 1), grid.count() - 1);
-            let small = grid.halved();
-            let [width, height] = [width, height].map(|length: u32| length.div_ceil(2));
-            assert_eq!(small.place(width - 1, height - 1), grid.count() - 1);
+            for times in 1..=3 {
+                let small = grid.halved(times).unwrap_or(grid);
+                let [width, height] = [width, height].map(|length: u32| length.div_ceil(1 << times));
+                assert_eq!(small.place(width - 1, height - 1), grid.count() - 1);
+            }
         }
+        assert_eq!(PatchGrid::of(8, 9).halved(4), None);
         assert_eq!(PatchGrid::of(1024, 3).shift, 3);
         assert_eq!(PatchGrid::of(1025, 3).shift, 4);
     }

@@ -58,7 +58,7 @@ fn resized(dataset: &Dataset, width: u32, height: u32) -> Dataset {
 /// Twelve steps, the first ones at half size; no gradient of a colour waits after the sixth.
 fn half_size(until: u32) -> TrainConfig {
     let mut config = TrainConfig {
-        half_size_until: until,
+        coarse_until: until,
         ..TrainConfig::for_iterations(12)
     };
     config.adam.color_every = 3;
@@ -78,8 +78,8 @@ fn first_steps_see_photographs_of_half_the_size() {
     };
     let dataset = ashfall::lab::synth::scene(Kind::Solids).dataset(&options);
     let (start, small) = (dataset.clone(), resized(&dataset, 20, 17));
-    let train = |dataset: &Dataset, half_size_until: u32, steps: u32, tiny: bool| {
-        let config = half_size(half_size_until);
+    let train = |dataset: &Dataset, coarse_until: u32, steps: u32, tiny: bool| {
+        let config = half_size(coarse_until);
         // The start may depend on the size of a pixel, so it is computed once.
         let splats = initial_splats(&start, start.extent(), &config).unwrap();
         let state = HostState::from_splats(&splats, config.sh_degree);
@@ -109,6 +109,39 @@ fn first_steps_see_photographs_of_half_the_size() {
     assert!(resumed.download().unwrap() == turned);
 }
 
+#[test]
+fn reduced_photographs_grow_by_doubling() {
+    let gpu = device::gpu();
+    let options = SynthOptions {
+        views: 5,
+        width: 40,
+        height: 33,
+        points: 300,
+        test_every: 5,
+        ..SynthOptions::default()
+    };
+    let dataset = ashfall::lab::synth::scene(Kind::Solids).dataset(&options);
+    let mut config = TrainConfig {
+        coarse_halvings: 2,
+        coarse_dilation: 1.0,
+        ..half_size(6)
+    };
+    let splats = initial_splats(&dataset, dataset.extent(), &config).unwrap();
+    let start = HostState::from_splats(&splats, config.sh_degree);
+    let train = |dataset: &Dataset, config: &TrainConfig, state: &HostState, steps: std::ops::Range<u32>| {
+        let mut trainer = Trainer::from_state(&gpu, dataset, config.clone(), state, steps.start).unwrap();
+        (steps).for_each(|_| assert!(trainer.step().is_ok()));
+        trainer.finish().unwrap();
+        trainer.download().unwrap()
+    };
+    let grown = train(&dataset, &config, &start, 0..9);
+    // Three steps each on photographs of a quarter, half and the whole of their width and height.
+    config.coarse_until = 0;
+    let quarter = train(&resized(&dataset, 10, 9), &config, &start, 0..3);
+    let half = train(&resized(&dataset, 20, 17), &config, &quarter, 3..6);
+    assert!(train(&dataset, &config, &half, 6..9) == grown);
+}
+
 /// Pictures of half-size steps are the full-size ones averaged 2 × 2; splats drawn with an unscaled dilation would not
 /// be.
 #[test]
@@ -134,7 +167,7 @@ fn pictures_of_half_the_size_show_the_scene_as_it_is() {
     // The first step's image, drawn before the scene changes.
     let image = |dataset: &Dataset, half_size: bool| {
         let config = TrainConfig {
-            half_size_until: u32::from(half_size),
+            coarse_until: u32::from(half_size),
             ..config.clone()
         };
         let mut trainer = Trainer::from_state(&gpu, dataset, config, &state, 0).unwrap();

@@ -176,16 +176,17 @@ pub(super) fn of_gradients(sh_degree: u32, plan: &ChartPlan) -> Vec<FrameSetting
 /// Knob and configuration of a training run.
 pub(super) type RunSetting = (Knob, TrainConfig);
 
-/// The default run.
-pub(super) fn default_run(plan: &ChartPlan) -> RunSetting {
+/// The default run, on photographs of so many pixels on average.
+pub(super) fn default_run(plan: &ChartPlan, pixels: f64) -> RunSetting {
     let mut knob = Knob::new("default", format!("{} steps", plan.iterations));
     knob.is_default = true;
-    (knob, TrainConfig::for_iterations(plan.iterations))
+    let config = TrainConfig::for_iterations(plan.iterations);
+    (knob, config.coarse_to_fine(pixels))
 }
 
 /// The other runs; `splats` is the final count of the default one.
-pub(super) fn of_runs(plan: &ChartPlan, splats: u32) -> Vec<RunSetting> {
-    let base = TrainConfig::for_iterations(plan.iterations);
+pub(super) fn of_runs(plan: &ChartPlan, pixels: f64, splats: u32) -> Vec<RunSetting> {
+    let base = TrainConfig::for_iterations(plan.iterations).coarse_to_fine(pixels);
     let with = |series: &str, setting: String, change: &dyn Fn(&mut TrainConfig)| {
         let mut config = base.clone();
         change(&mut config);
@@ -197,7 +198,7 @@ pub(super) fn of_runs(plan: &ChartPlan, splats: u32) -> Vec<RunSetting> {
     let mut runs = Vec::new();
     for steps in [plan.iterations / 2, plan.iterations * 2] {
         runs.push(with("steps", steps.to_string(), &|c| {
-            *c = TrainConfig::for_iterations(steps);
+            *c = TrainConfig::for_iterations(steps).coarse_to_fine(pixels);
         }));
     }
     for share in [2, 4] {
@@ -215,7 +216,7 @@ pub(super) fn of_runs(plan: &ChartPlan, splats: u32) -> Vec<RunSetting> {
     for percent in [25, 50] {
         let until = plan.iterations * percent / 100;
         let setting = format!("first {percent} % at half");
-        runs.push(with("photographs", setting, &|c| c.half_size_until = until));
+        runs.push(with("photographs", setting, &|c| c.coarse_until = until));
     }
     runs.push(with("loss", "SSIM of every pixel".into(), &|c| c.ssim_stride = 1));
     runs.push(with("loss", "L1 alone".into(), &|c| c.lambda_dssim = 0.0));
@@ -251,7 +252,8 @@ mod tests {
                     assert!(setting.sh_degree <= sh_degree);
                 }
             }
-            assert!(of_runs(&plan, 1000).iter().all(|(_, config)| config.validate().is_ok()));
+            let runs = of_runs(&plan, 1e6, 1000);
+            assert!(runs.iter().all(|(_, config)| config.validate().is_ok()));
         }
     }
 }
