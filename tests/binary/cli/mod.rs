@@ -2,6 +2,7 @@
 
 mod capture;
 mod chart;
+mod coarse;
 mod depths;
 mod export;
 mod exposure;
