@@ -155,15 +155,15 @@ pub(super) fn run(args: &TrainArgs) -> Result<Outcome> {
 
 fn new_run<'a>(args: &TrainArgs, gpu: &Gpu, dataset: &'a Dataset) -> Result<AutoRun<'a>> {
     let kind = gpu.caps().kind;
-    let by_size = |usual: TrainConfig| usual.coarse_to_fine(dataset.mean_pixels());
     let Some(loss_db) = args.parsimony else {
+        let by_size = |usual: TrainConfig| usual.coarse_to_fine(dataset.mean_pixels());
         let config = args.config.config_from(kind, by_size)?;
         return AutoRun::new(gpu, dataset, config.within(dataset, BufferLimits::of(gpu)));
     };
     check_parsimony(gpu, dataset, &args.config.config(kind)?)?;
     let config = args.config.config_from(kind, |mut usual| {
         usual.auto.loss_db = loss_db;
-        for_auto_count(by_size(usual), dataset.views_per_point())
+        for_auto_count(usual, dataset.views_per_point())
     })?;
     let is_open = args.config.iterations.is_none();
     AutoRun::new(gpu, dataset, config)?.controlled(|trainer, dataset| CountController::begin(trainer, dataset, is_open))

@@ -67,7 +67,8 @@ pub type AutoRun<'a> = Run<'a, CountController<'a>>;
 /// published one (`2026-11-22-few-views.csv`), and measures against overfitting act.
 pub fn for_auto_count(mut config: TrainConfig, views_per_point: f64) -> TrainConfig {
     config.refine.until = config.refine.until.min(config.auto.growth_until(config.iterations));
-    config.coarse_until = config.coarse_until.max(config.auto.half_size_until(config.iterations));
+    config.coarse_until = config.auto.half_size_until(config.iterations);
+    config.coarse_halvings = 1;
     let overfitting_weight = config.auto.overfitting_weight(views_per_point);
     let factor = LearningRates::factor(config.iterations);
     config.rates.sh_rest *= factor.powf(-overfitting_weight) as f32;
