@@ -130,7 +130,7 @@ fn reduced_photographs_grow_by_doubling() {
     let start = HostState::from_splats(&splats, config.sh_degree);
     let train = |dataset: &Dataset, config: &TrainConfig, state: &HostState, steps: std::ops::Range<u32>| {
         let mut trainer = Trainer::from_state(&gpu, dataset, config.clone(), state, steps.start).unwrap();
-        (steps).for_each(|_| assert!(trainer.step().is_ok()));
+        steps.for_each(|_| assert!(trainer.step().is_ok()));
         trainer.finish().unwrap();
         trainer.download().unwrap()
     };
