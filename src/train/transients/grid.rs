@@ -35,8 +35,8 @@ impl PatchGrid {
         }
     }
 
-    /// The same patches of the photograph at half size, rounded up, halved so many times; `None` if they would have
-    /// less than a pixel.
+    /// The same patches of the photograph with width and height halved so many times, rounded up; `None` if they would
+    /// have less than a pixel.
     pub fn halved(self, times: u32) -> Option<PatchGrid> {
         let shift = self.shift.checked_sub(times)?;
         Some(PatchGrid { shift, ..self })

@@ -55,6 +55,19 @@ fn resized(dataset: &Dataset, width: u32, height: u32) -> Dataset {
     dataset
 }
 
+/// Four training views of 40 × 33 pixels.
+fn four_views() -> Dataset {
+    let options = SynthOptions {
+        views: 5,
+        width: 40,
+        height: 33,
+        points: 300,
+        test_every: 5,
+        ..SynthOptions::default()
+    };
+    ashfall::lab::synth::scene(Kind::Solids).dataset(&options)
+}
+
 /// Twelve steps, the first ones at half size; no gradient of a colour waits after the sixth.
 fn half_size(until: u32) -> TrainConfig {
     let mut config = TrainConfig {
@@ -68,15 +81,7 @@ fn half_size(until: u32) -> TrainConfig {
 #[test]
 fn first_steps_see_photographs_of_half_the_size() {
     let gpu = device::gpu();
-    let options = SynthOptions {
-        views: 5,
-        width: 40,
-        height: 33,
-        points: 300,
-        test_every: 5,
-        ..SynthOptions::default()
-    };
-    let dataset = ashfall::lab::synth::scene(Kind::Solids).dataset(&options);
+    let dataset = four_views();
     let (start, small) = (dataset.clone(), resized(&dataset, 20, 17));
     let train = |dataset: &Dataset, coarse_until: u32, steps: u32, tiny: bool| {
         let config = half_size(coarse_until);
@@ -112,15 +117,7 @@ fn first_steps_see_photographs_of_half_the_size() {
 #[test]
 fn reduced_photographs_grow_by_doubling() {
     let gpu = device::gpu();
-    let options = SynthOptions {
-        views: 5,
-        width: 40,
-        height: 33,
-        points: 300,
-        test_every: 5,
-        ..SynthOptions::default()
-    };
-    let dataset = ashfall::lab::synth::scene(Kind::Solids).dataset(&options);
+    let dataset = four_views();
     let mut config = TrainConfig {
         coarse_halvings: 2,
         coarse_dilation: 1.0,
