@@ -112,7 +112,8 @@ pub fn measure(
         (None, Some(trained)) => trained,
         (None, None) => {
             progress("training a scene to draw");
-            training::splats(gpu, dataset, TrainConfig::for_iterations(plan.iterations))?
+            let (_, config) = settings::default_run(plan, dataset.mean_pixels());
+            training::splats(gpu, dataset, config)?
         }
     };
     let inputs = SceneInputs {
