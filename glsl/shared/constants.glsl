@@ -137,9 +137,6 @@ const uint INSTANCE_COMPENSATE = 1;
 const uint INSTANCE_KEEP = 2;
 const uint INSTANCE_CUT = 4;
 
-// Splats of a workgroup of `pose_gradient`.
-const uint POSE_SPLATS = 1024;
-
 // Mark on the origin of a splat without moments in `select_rows`.
 const uint ORIGIN_IS_NEW = 0x80000000u;
 

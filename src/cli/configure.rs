@@ -47,7 +47,7 @@ pub(in crate::cli) struct ConfigArgs {
     #[arg(long)]
     pub exposure: bool,
     /// Move the poses of the photographs along with the splats, where the reconstruction is imprecise; refined/ has the
-    /// reconstruction with the refined poses, poses.json how far each has moved. Exact poses lose by it
+    /// reconstruction with the refined poses, poses.json how far each has moved. Exact poses hardly move
     #[arg(long)]
     pub refine_poses: bool,
     /// Begin with a far shell of splats where the photographs show no point, so that the sky is drawn there and not by

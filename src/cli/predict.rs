@@ -162,6 +162,7 @@ impl PredictArgs {
             binding: limits.step_binding(config),
             photos: Residency::default(),
             patches: 0,
+            pose_view: None,
         };
         self.training(size, config, limits)
     }

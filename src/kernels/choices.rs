@@ -41,9 +41,6 @@ const STRETCHED: &str =
 /// Reason for kernels with one workgroup per patch of a photograph.
 const PATCHED: &str = "the only variant; a workgroup adds up a patch of pixels, little beside the windows of the loss";
 
-/// Reason for kernels with one workgroup per stretch of splats.
-const GATHERED: &str = "the only variant; a workgroup adds up a stretch of splats, little beside their gradients";
-
 /// Reason for kernels with a single workgroup.
 const ALONE: &str = "the only variant; a single workgroup does it all, and few elements are left to it";
 
@@ -93,7 +90,6 @@ pub fn chosen(caps: &Caps) -> Vec<KernelChoice> {
         overlay: overlay::Choice::default(), FIXED;
         perturb: perturb::Choice::default(), ELEMENTWISE;
         plan: plan::Choice::default(), FIXED;
-        pose_gradient: pose_gradient::Choice::of_degree(3), GATHERED;
         present: present::Choice::default(), FIXED;
         project: project::Choice::of_degree(3), ELEMENTWISE;
         project_backward: project_backward::Choice::prefer(caps, 3), project_backward::Choice::why(caps);

@@ -20,7 +20,7 @@ macro_rules! of_degree {
     )*};
 }
 
-of_degree! { project project_backward adam_color pose_gradient }
+of_degree! { project project_backward adam_color }
 
 impl Choice {
     /// Choice for a device and splats of `sh_degree`.

@@ -27,7 +27,6 @@ pub mod loss;
 pub mod overlay;
 pub mod perturb;
 pub mod plane;
-pub mod pose_gradient;
 pub mod primitive;
 pub mod project;
 pub mod project_backward;

@@ -7,7 +7,6 @@ use super::device::DeviceState;
 use super::gradients::Gradients;
 use super::loss_pass::LossPass;
 use super::photos::Bound;
-use super::pose_pass::PosePass;
 use super::schedule;
 use super::step::Step;
 use crate::Result;
@@ -24,7 +23,6 @@ pub(crate) struct Backward {
     chain: ChainKernels,
     /// If the run has terms of geometry, for the steps that have them.
     geometry: Option<GeometryPass>,
-    pose: PosePass,
     adam: adam::Adam,
     /// One kernel per SH degree.
     adam_color: Vec<adam_color::AdamColor>,
@@ -40,7 +38,6 @@ impl Backward {
             loss: LossPass::new(gpu, config)?,
             chain: ChainKernels::new(gpu, config, config.plain_outputs())?,
             geometry: GeometryPass::new(gpu, config)?,
-            pose: PosePass::new(gpu, config)?,
             adam: adam::Adam::new(gpu, adam::Choice::default())?,
             adam_color: (0..=config.sh_degree)
                 .map(|degree| adam_color::AdamColor::new(gpu, adam_color::Choice::of_degree(degree)))
@@ -138,9 +135,8 @@ impl Backward {
         }
     }
 
-    /// The gradient by the pose, and the update of a block.
+    /// The update of a block.
     fn record_update(&self, rec: &mut Recorder<'_>, state: &DeviceState, s: &Scratch, step: &Step<'_>, block: Block) {
-        self.pose.record(rec, state, s, step.sh_degree, block);
         let (config, iteration, extent) = (step.config, step.iteration, step.extent);
         let (rates, share) = (&config.rates, schedule::rate_share(config, iteration));
         let [correction1, correction2] = schedule::bias_corrections(config, iteration);

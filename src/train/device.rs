@@ -4,7 +4,7 @@ use super::colors::PendingColors;
 use super::state::{HostState, Planes, SH_PLANE};
 use crate::Result;
 use crate::gpu::{Buffer, Gpu};
-use crate::layout::{COLOR_STEPS, GEOMETRY_PLANES, GRADIENT_PLANES, POSE_SPLATS};
+use crate::layout::{COLOR_STEPS, GEOMETRY_PLANES, GRADIENT_PLANES};
 use crate::render::{
     Allocate, Block, Blocks, ByDegree, Model, Need, Precision, Purpose, Slots, buffers, of_degree, plane_count,
 };
@@ -39,8 +39,6 @@ buffers! {
         /// Of colours, in each step since the last update of the harmonics.
         d_colors: Vec<Buffer<[f32; 3]>>, Gradients, color_sizes(blocks);
         statistics: Buffer<[f32; 4]>, Gradients, blocks.splats();
-        /// Sums for the gradient by the pose: two of each stretch of a block's splats.
-        pose_sums: Buffer<[f32; 4]>, Gradients, 2 * pose_groups(blocks.strides());
     }
 }
 
@@ -51,14 +49,6 @@ pub(super) fn blocks_of(gpu: &Gpu, slots: &Slots, sh_degree: u32) -> Blocks {
         1.. => slots.counts,
     };
     Blocks::new(gpu.caps(), room, Precision::Full)
-}
-
-/// Workgroups of `pose_gradient` for blocks of so many splats.
-pub(crate) fn pose_groups(counts: impl IntoIterator<Item = usize>) -> usize {
-    counts
-        .into_iter()
-        .map(|count| count.div_ceil(POSE_SPLATS as usize))
-        .sum()
 }
 
 /// Vec4 of the gradients of each block.

@@ -5,10 +5,11 @@ use super::config::{StrategyKind, TrainConfig};
 use super::device::DeviceState;
 use super::gradients::{Gradients, pixel_bytes};
 use super::photos::Residency;
-use super::schedule;
 use super::transients::PatchGrid;
+use super::{poses, schedule};
 use crate::gpu::{Gpu, STAGING_BYTES, TRANSFER_BYTES};
 use crate::kernels::rasterize::Outputs;
+use crate::layout::SURFACE_PLANES;
 use crate::render::{ByDegree, Capacity, Need, Purpose, RowBands, Scratch, binding_limit, of_degree, total};
 use crate::scene::{Dataset, Split};
 
@@ -77,6 +78,8 @@ pub struct TrainSize {
     pub photos: Residency,
     /// Most patches of a photograph; 0 unless the run ignores transients.
     pub patches: usize,
+    /// Width and height of the largest view drawn to refine poses, pixels, if the run does.
+    pub pose_view: Option<[u32; 2]>,
 }
 
 impl TrainSize {
@@ -107,6 +110,7 @@ impl TrainSize {
                     .unwrap_or(0),
                 false => 0,
             },
+            pose_view: config.refine_poses.then(|| pose_view(sizes.clone())).flatten(),
             photos: Residency::of(sizes, config.photo_share, limits.memory),
         }
     }
@@ -195,7 +199,24 @@ impl TrainSize {
             needs.push(DeviceState::further_gradients(self.counts()));
         }
         needs.extend(step_needs(capacity, self.outputs));
+        needs.extend(self.pose_view.map(|view| self.pose_need(view)));
         needs
+    }
+
+    /// Buffers of a view that is drawn to refine poses, beside those of steps.
+    fn pose_need(&self, view: [u32; 2]) -> Need {
+        let outputs = Outputs {
+            surface: true,
+            surfels: self.outputs.surfels,
+            ..Outputs::default()
+        };
+        let bands = RowBands::for_drawing(view, outputs, self.binding);
+        let [width, height] = bands.drawn();
+        let isects = with_margin(bands.pairs_expected(self.splats));
+        let capacity = Capacity::for_image(self.splats, isects, width, height);
+        let read = 4 * (4 + SURFACE_PLANES as usize) * capacity.pixels;
+        let bytes = total(&Scratch::needs(capacity, outputs)) as usize + read + STAGING_BYTES;
+        Need::new("view for poses", Purpose::Pixels, 1, bytes)
     }
 }
 
@@ -219,6 +240,13 @@ impl TrainConfig {
             ..self
         }
     }
+}
+
+/// Width and height of the largest of views of these sizes that are drawn to refine poses.
+fn pose_view(sizes: impl Iterator<Item = [u32; 2]>) -> Option<[u32; 2]> {
+    sizes
+        .map(poses::drawn_size)
+        .max_by_key(|[width, height]| u64::from(*width) * u64::from(*height))
 }
 
 /// Number of splats that a run begins with, about.

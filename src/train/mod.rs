@@ -22,7 +22,6 @@ pub(crate) mod knn;
 mod loss_pass;
 mod memory;
 mod photos;
-mod pose_pass;
 pub mod poses;
 mod reorder;
 #[doc(hidden)]

@@ -3,7 +3,7 @@
 //!
 //! Iterations count from 1 to `config.iterations`, as in the 3DGS code.
 
-use super::config::{Background, ExposureModel, POSE_RATE_END, StrategyKind, TrainConfig};
+use super::config::{Background, ExposureModel, StrategyKind, TrainConfig};
 use super::rng::{self, Stream};
 
 /// Iterations after an opacity reset whose pictures tell nothing of poses and transients.
@@ -153,29 +153,15 @@ pub fn is_exposure(config: &TrainConfig, view_count: usize, iteration: u32) -> b
     config.exposure != ExposureModel::Off && is_early && (iteration as usize).is_multiple_of(view_count)
 }
 
-/// Iterations within which poses are refined: after the first, up to the last.
-fn pose_window(config: &TrainConfig) -> [f64; 2] {
-    let share = |share: f32| f64::from(share) * f64::from(config.iterations);
-    [share(config.poses.from), share(config.poses.until)]
-}
-
-/// Updates of the poses in a run, one at the end of each epoch within their window.
-pub fn pose_updates(config: &TrainConfig, view_count: usize) -> u32 {
-    let [from, until] = pose_window(config);
-    let epochs = |end: f64| (end / view_count as f64).floor();
-    (epochs(until) - epochs(from)).max(0.0) as u32
-}
-
-/// Rate of the poses' update after an iteration, as a share of the first, at the end of an epoch; `None` in other
-/// iterations. Opacity resets leave pictures that tell nothing of poses: 300 iterations after each have no update.
-pub fn pose_rate(config: &TrainConfig, view_count: usize, iteration: u32) -> Option<f64> {
-    let [from, until] = pose_window(config);
-    let at = f64::from(iteration);
-    let is_end = config.refine_poses && (iteration as usize).is_multiple_of(view_count);
-    if !is_end || at <= from || at > until || was_reset(config, iteration) {
-        return None;
-    }
-    Some(POSE_RATE_END.powf((at - from) / (until - from)))
+/// Whether poses are adjusted after an iteration: so many times, evenly over their part of the run. Opacity resets leave
+/// pictures that tell nothing of poses: 300 iterations after each have no round.
+pub fn is_pose_round(config: &TrainConfig, iteration: u32) -> bool {
+    let poses = &config.poses;
+    let [from, until] = [poses.from, poses.until].map(|share| f64::from(share) * f64::from(config.iterations));
+    let every = (until - from) / f64::from(poses.rounds.max(2) - 1);
+    let round = |k: u32| (from + every * f64::from(k)).round().max(1.0) as u32;
+    let is_due = (0..poses.rounds).any(|k| round(k) == iteration);
+    config.refine_poses && is_due && !was_reset(config, iteration)
 }
 
 /// Weights of the terms of geometry at an iteration: consistency of normals, and distortion. Each grows linearly from 0
@@ -292,6 +278,20 @@ mod tests {
         assert!((at(501) / 3.2e-5 - 1.0).abs() < 1e-6);
         assert_eq!(at(5_000), at(1_001));
         assert!(mean_rate(&TrainConfig::for_iterations(1), 1.0, 1).is_finite());
+    }
+
+    #[test]
+    fn rounds_of_poses_are_even_and_none_follows_a_reset() {
+        let mut config = TrainConfig::for_iterations(1_000);
+        let rounds = |config: &TrainConfig| -> Vec<u32> { (1..=1_000).filter(|&i| is_pose_round(config, i)).collect() };
+        assert!(rounds(&config).is_empty());
+        config.refine_poses = true;
+        assert_eq!(rounds(&config), [100, 240, 380, 520, 660, 800]);
+        config.adc.opacity_reset_every = 370;
+        assert!(is_reset(&config, 370));
+        assert_eq!(rounds(&config), [100, 240, 800]);
+        config.poses.rounds = 1;
+        assert_eq!(rounds(&config), [100]);
     }
 
     #[test]

@@ -266,16 +266,18 @@ impl<'a> Trainer<'a> {
             schedule::is_reset(&self.config, iteration),
         );
         let expose = schedule::is_exposure(&self.config, self.views.len(), iteration);
-        let has_states = self.poses.is_some() || self.transients.is_some();
-        let is_epoch = has_states && (iteration as usize).is_multiple_of(self.views.len());
+        let is_epoch = self.transients.is_some() && (iteration as usize).is_multiple_of(self.views.len());
+        let poses = schedule::is_pose_round(&self.config, iteration);
         // A step that did not fit is repeated first: only its result is refined.
-        if (refine || reset || expose || is_epoch) && self.drain()? {
+        if (refine || reset || expose || poses || is_epoch) && self.drain()? {
             if let Some(exposure) = self.exposure.as_mut().filter(|_| expose) {
                 exposure.update();
             }
             if is_epoch {
-                self.update_poses(iteration);
                 self.update_transients(iteration);
+            }
+            if poses {
+                self.adjust_poses()?;
             }
             if refine || reset {
                 self.refine(iteration, refine, reset)?;

@@ -22,6 +22,7 @@ mod meshes;
 mod ordering;
 mod orthographic;
 mod picking;
+mod poses;
 mod refinement;
 mod row_bands;
 mod simplify;

@@ -261,6 +261,7 @@ fn training_takes_little_beside_what_it_cannot_do_without() {
             binding: u64::MAX,
             photos: Residency::of(sizes, 1.0, u64::MAX),
             patches: 0,
+            pose_view: None,
         };
         let share = size.bytes() as f64 / size.essential_bytes() as f64;
         println!("{splats} splats, {photos} photographs of {image:?}: {share:.3}");

@@ -195,20 +195,12 @@ constants! {
 constants! {
     /// Refinement of the photographs' poses ([`poses`](crate::train::poses)).
     PoseConfig as "poses" {
-        /// Share of the run before the first update: 0.1, until the splats show the scene.
+        /// Share of the run before the first round: 0.1, until the splats show the scene.
         from: f32 = 0.1, 0.0..=1.0;
-        /// Share of the run after which poses stay: 0.9.
-        until: f32 = 0.9, 0.0..=1.0;
-        /// Way of a picture that all updates together can go, pixels: 5.
-        reach_px: f32 = 5.0, 0.0..=1e4;
-        /// Turn, or shift in scene extents as if they were radians, that all updates together can go, degrees: 1.
-        reach_degrees: f32 = 1.0, 0.0..=180.0;
-        /// Largest way of a picture in one update, pixels: 1.
-        step_px: f32 = 1.0, 0.0..=1e3;
-        /// Decay of the first moment an update: 0.8.
-        beta1: f32 = 0.8, 0.0..=BELOW_ONE;
-        /// Decay of the second moment an update: 0.98.
-        beta2: f32 = 0.98, 0.0..=BELOW_ONE;
+        /// Share of the run after which poses stay: 0.8.
+        until: f32 = 0.8, 0.0..=1.0;
+        /// Rounds of bundle adjustment, evenly from the first to the last: 6.
+        rounds: u32 = 6, 1..=1000;
     }
 }
 
@@ -246,22 +238,6 @@ constants! {
         least_share: f32 = 0.002, 0.0..=1.0;
         /// Most of a photograph that is ignored: 0.4.
         most_share: f32 = 0.4, 0.0..=1.0;
-    }
-}
-
-/// Rate of the last update relative to the first.
-pub(crate) const POSE_RATE_END: f64 = 0.01;
-
-impl PoseConfig {
-    /// Rates of the first of so many updates: pixels, and radians or scene extents. They fall exponentially to a
-    /// hundredth, so that their mean is 0.215 of the first.
-    pub(crate) fn rates(&self, updates: u32) -> [f64; 2] {
-        let mean = (1.0 - POSE_RATE_END) / -POSE_RATE_END.ln();
-        let first = |reach: f32| f64::from(reach) / (mean * f64::from(updates.max(1)));
-        let pixels = first(self.reach_px);
-        let most = f64::from(self.step_px);
-        let share = (most / pixels).min(1.0);
-        [pixels * share, first(self.reach_degrees).to_radians() * share]
     }
 }
 

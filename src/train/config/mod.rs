@@ -13,7 +13,6 @@ mod settings;
 mod validate;
 
 pub use auto::AutoConfig;
-pub(crate) use groups::POSE_RATE_END;
 pub use groups::{AdamConfig, AdcConfig, GeometryConfig, InitConfig, LearningRates, McmcConfig, MipConfig};
 pub use groups::{PoseConfig, RefineTimes, SkyConfig, TransientConfig};
 

@@ -1,7 +1,7 @@
 //! Constants of earlier versions: files that hold them at their defaults still load.
 
-use super::{AutoConfig, TrainConfig};
-use serde_json::{Map, Value, json};
+use super::{AutoConfig, PoseConfig, TrainConfig};
+use serde_json::{Value, json};
 
 /// Path of each retired constant, and its neutral value.
 fn retired() -> [(&'static str, Value); 3] {
@@ -30,18 +30,19 @@ impl TrainConfig {
                 return Err(format!("{name} is {value}, and this version has no such constant"));
             }
         }
-        if let Some(Value::Object(constants)) = saved.get_mut("auto") {
-            drop_unknown(constants);
+        // Constants of earlier count controllers act under a controller alone, and the state of such a one is refused;
+        // those of earlier refinements of poses have no counterpart.
+        let groups = [
+            ("auto", json!(AutoConfig::default())),
+            ("poses", json!(PoseConfig::default())),
+        ];
+        for (group, known) in groups {
+            if let Some(Value::Object(constants)) = saved.get_mut(group) {
+                constants.retain(|name, _| known.get(name).is_some());
+            }
         }
         serde_json::from_value(saved).map_err(|e| e.to_string())
     }
-}
-
-/// Removes constants of earlier count controllers: they act on runs under a controller only, and the state of such a
-/// controller is refused.
-fn drop_unknown(constants: &mut Map<String, Value>) {
-    let known = json!(AutoConfig::default());
-    constants.retain(|name, _| known.get(name).is_some());
 }
 
 #[cfg(test)]
@@ -62,10 +63,11 @@ mod tests {
     }
 
     #[test]
-    fn constants_of_earlier_count_controllers_are_dropped() {
+    fn constants_of_earlier_controllers_and_refinements_of_poses_are_dropped() {
         let config = TrainConfig::for_iterations(100);
         let mut saved = serde_json::to_value(&config).unwrap_or_default();
         saved["auto"]["preference_db"] = json!(0.08);
+        saved["poses"]["reach_px"] = json!(5.0);
         assert_eq!(TrainConfig::from_saved(saved.clone()), Ok(config));
         saved["auto"]["loss_db"] = json!("much");
         assert!(TrainConfig::from_saved(saved).is_err());

@@ -26,9 +26,6 @@ impl TrainConfig {
                 return Err(refused("max_aspect", self.max_aspect, "0 for surfels, which are flat"));
             }
         }
-        if self.refine_poses && self.kind == Primitive::Surfel {
-            return Err(refused("refine_poses", true, "false for surfels"));
-        }
         if self.sky && self.kind == Primitive::Surfel {
             return Err(refused("sky", true, "false for surfels"));
         }

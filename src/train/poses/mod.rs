@@ -1,13 +1,17 @@
 //! Poses of the training photographs, refined along with the splats.
 //!
-//! A pose is the given one, turned about its centre and shifted. Each step leaves the force on all splats and their
-//! torque about the camera (kernel `pose_gradient`); after each epoch every photograph takes a step of Adam along the
-//! axes in which its picture moves independently (`modes`).
+//! A pose is the given one, turned about its centre and shifted. In a few rounds of a run (`adjustment`) the scene is
+//! drawn in each view, points of its surfaces are searched in the photographs (`tracks`, `windows`), and the motions of
+//! all cameras that explain where they are found are taken (`bundle`). Between rounds the splats follow.
 //!
 //! **Invariant:** the similarity that brings the given poses of the training views nearest to the refined ones is the
 //! identity, so that the scene stays in the coordinates of the data set.
 
-mod modes;
+mod adjustment;
+mod bundle;
 mod refinement;
+mod tracks;
+mod windows;
 
+pub(super) use adjustment::{PoseAdjustment, drawn_size};
 pub use refinement::{PoseState, RefinedPoses, photo_name};

@@ -1,12 +1,10 @@
 //! Refinement of the photographs' poses between steps.
 
 use super::Trainer;
-use crate::gpu::{Readback, Recorder};
+use crate::render::ViewOptions;
 use crate::scene::{Camera, Dataset};
 use crate::train::config::TrainConfig;
-use crate::train::device::{DeviceState, pose_groups};
-use crate::train::poses::{PoseState, RefinedPoses};
-use crate::train::schedule;
+use crate::train::poses::{PoseAdjustment, PoseState, RefinedPoses};
 use crate::{Error, Result};
 
 /// Poses of a run that refines them.
@@ -25,20 +23,6 @@ pub(super) fn begin(
     poses.ok_or_else(other).map(Some)
 }
 
-/// Sums of a step for the gradient by the pose, if poses are refined.
-pub(super) fn read_back(
-    rec: &mut Recorder<'_>,
-    state: &DeviceState,
-    config: &TrainConfig,
-) -> Result<Option<Readback<[f32; 4]>>> {
-    if !config.refine_poses {
-        return Ok(None);
-    }
-    let blocks = state.model.blocks.of(state.model.counts);
-    let groups = pose_groups(blocks.map(|block| block.count));
-    rec.read_back(&state.buffers.pose_sums, 0..2 * groups).map(Some)
-}
-
 impl Trainer<'_> {
     /// Poses after the last step begun; `None` if the run keeps the given ones. Waits for it.
     pub fn poses(&mut self) -> Result<Option<&RefinedPoses>> {
@@ -52,14 +36,21 @@ impl Trainer<'_> {
         poses.map_or(*camera, |poses| poses.refined(place, camera))
     }
 
-    /// Moves the poses, if this iteration does, at the end of an epoch. No step may be in flight.
-    pub(super) fn update_poses(&mut self, iteration: u32) {
-        let (config, views) = (&self.config, self.views.len());
-        let Some(poses) = &mut self.poses else { return };
-        match schedule::pose_rate(config, views, iteration) {
-            Some(rate) => poses.update(&config.poses, rate, schedule::pose_updates(config, views)),
-            None => poses.forget(),
-        }
+    /// Adjusts the poses to the scene. No step may be in flight.
+    pub(super) fn adjust_poses(&mut self) -> Result<()> {
+        let near = self.near();
+        let Some(poses) = &mut self.poses else { return Ok(()) };
+        let adjustment = PoseAdjustment {
+            dataset: self.dataset,
+            views: &self.views,
+            extent: self.extent,
+            options: ViewOptions {
+                background: [0.0; 3],
+                near,
+                filter: self.config.filter,
+            },
+        };
+        adjustment.adjust(&self.gpu, &self.state.model, poses)
     }
 
     /// The data set with the training views in their present poses; `None` if the run keeps the given ones. Waits for

@@ -1,7 +1,7 @@
 //! Steps recorded, and their reports. A photograph whose arrays exceed a binding of the device is drawn in bands of
 //! rows: the records of all bands are summed before the gradients.
 
-use super::{Coarse, StepReport, Trainer, poses};
+use super::{Coarse, StepReport, Trainer};
 use crate::Result;
 use crate::gpu::{Readback, Recorder, Ticket};
 use crate::layout::*;
@@ -23,8 +23,6 @@ pub(super) struct StepInFlight {
     counts: Readback<u32>,
     /// Counts and sums of each band of the photograph.
     bands: Vec<BandSums>,
-    /// Sums for the gradient by the pose, if poses are refined.
-    pose_sums: Option<Readback<[f32; 4]>>,
     splat_count: usize,
     /// Place of the photograph among the views trained on.
     pub(super) photo: usize,
@@ -143,18 +141,16 @@ impl Trainer<'_> {
             scratch,
             gradients,
         };
-        let (ticket, (counts, bands, pose_sums)) = self.frames.submit(|rec| {
+        let (ticket, (counts, bands)) = self.frames.submit(|rec| {
             let photo = begin(rec, photos, source, &frame, &ignored)?;
             let sums = frame.record_bands(rec, &photo, &step, &bands)?;
-            let counts = rec.read_back(&scratch.counts, 0..COUNT_SLOTS as usize)?;
-            Ok((counts, sums, poses::read_back(rec, &self.state, &self.config)?))
+            Ok((rec.read_back(&scratch.counts, 0..COUNT_SLOTS as usize)?, sums))
         })?;
         Ok(StepInFlight {
             iteration,
             ticket,
             counts,
             bands,
-            pose_sums,
             splat_count: model.splat_count,
             photo: index,
         })
@@ -182,9 +178,6 @@ impl Trainer<'_> {
         if let Some(exposure) = &mut self.exposure {
             let gains: Vec<[f32; 4]> = sums[1..].iter().map(|four| four.map(|x| x as f32)).collect();
             exposure.add(oldest.photo, &gains);
-        }
-        if let (Some(poses), Some(sums)) = (&mut self.poses, &oldest.pose_sums) {
-            poses.add(oldest.photo, &sums.get());
         }
         self.score_patches(&oldest);
         let lambda = f64::from(self.config.lambda_dssim);

@@ -4,7 +4,6 @@
 mod degrees;
 mod geometry;
 mod oracle;
-mod poses;
 mod relations;
 mod rounding;
 mod training;

@@ -20,7 +20,6 @@ mod loss;
 mod overlay;
 mod perturb;
 mod plan;
-mod pose_gradient;
 mod present;
 mod project;
 mod project_backward;

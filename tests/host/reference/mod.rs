@@ -10,7 +10,6 @@ mod metamorphic;
 mod operations;
 mod packing;
 mod planes;
-mod poses;
 mod rays;
 mod sample;
 mod surface_terms;

@@ -18,7 +18,6 @@ pub mod overlay;
 pub mod perturb;
 pub mod photo_sums;
 pub mod plan;
-pub mod pose_gradient;
 pub mod present;
 pub mod project;
 pub mod project_backward;
@@ -99,7 +98,6 @@ fn by_splat(bench: &mut Bench, count: usize) -> Result<()> {
         project::planes(gpu, &scene(3), &[])
     })?;
     time(bench, FULL, count, |gpu| project_backward::scattered(gpu, &scene(3)))?;
-    time(bench, STRETCHED, count, |gpu| pose_gradient::scattered(gpu, &scene(3)))?;
     time(bench, ELEMENTWISE, count, |gpu| adam::usual(gpu, count))?;
     time(bench, ELEMENTWISE, count, |gpu| adam_color::usual(gpu, count))?;
     time(bench, ELEMENTWISE, count, |gpu| {
@@ -224,9 +222,6 @@ const ELEMENTWISE: Workgroups = Workgroups::any(&[32, 64, 128, 256]);
 
 /// The same, with full subgroups where there are any.
 const FULL: Workgroups = Workgroups::subgroups(&[32, 64, 128, 256]);
-
-/// Workgroups of kernels with a workgroup a stretch of splats.
-const STRETCHED: Workgroups = Workgroups::any(&[32, 64, 128]);
 
 /// Workgroups of kernels with a workgroup a tile.
 const LANES: Workgroups = Workgroups::lanes(&[8, 16, 32, 64, 128]);
