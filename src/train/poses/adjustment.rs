@@ -25,7 +25,7 @@ pub(in crate::train) struct PoseAdjustment<'a> {
 }
 
 impl PoseAdjustment<'_> {
-    /// Moves poses to where photographs show the scene. Views are drawn for points and again for their places, so that
+    /// Moves poses to fit the scene to the photographs. Views are drawn for points and again for their places, so that
     /// one at a time is in memory.
     pub(in crate::train) fn adjust(&self, gpu: &Gpu, model: &Model, poses: &mut RefinedPoses) -> Result<()> {
         let options = RenderOptions {

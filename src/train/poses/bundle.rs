@@ -1,5 +1,5 @@
-//! Bundle adjustment (Triggs 2000), linear: motions of the cameras and of the points that explain where the points are
-//! seen. Points are eliminated, and conjugate gradients find the motions.
+//! Bundle adjustment (Triggs 2000), linear: motions of the cameras and of the points that explain the points' places in
+//! photographs. Points are eliminated, and conjugate gradients find the motions.
 
 use glam::{DMat3, DVec3};
 
@@ -59,10 +59,11 @@ struct Track<'o> {
 }
 
 impl<'o> Track<'o> {
-    fn new(observations: &'o [Observation]) -> Track<'o> {
+    /// `shares`: weight of the observations of each photograph.
+    fn new(observations: &'o [Observation], shares: &[f64]) -> Track<'o> {
         let mut track = Track {
             observations,
-            weights: vec![1.0; observations.len()],
+            weights: observations.iter().map(|seen| shares[seen.photo]).collect(),
             inverse: DMat3::ZERO,
         };
         track.invert();
@@ -118,10 +119,12 @@ impl<'o> NormalEquations<'o> {
     fn new(photos: &'o [PhotoPose], points: &'o [Vec<Observation>]) -> NormalEquations<'o> {
         let mut counts = vec![0.0; photos.len()];
         points.iter().flatten().for_each(|seen| counts[seen.photo] += 1.0);
+        let shares: Vec<f64> = counts.iter().map(|&count| (INDEPENDENT / count).min(1.0)).collect();
+        let track = |observations: &'o Vec<Observation>| Track::new(observations, &shares);
         NormalEquations {
-            tracks: points.iter().map(|observations| Track::new(observations)).collect(),
+            tracks: points.iter().map(track).collect(),
             photos,
-            shares: counts.iter().map(|&count| (INDEPENDENT / count).min(1.0)).collect(),
+            shares,
             prior: [SPREAD[0].powi(-2); 2],
         }
     }
@@ -147,7 +150,6 @@ impl<'o> NormalEquations<'o> {
         for track in &self.tracks {
             let rest = track.without_point(&of);
             for ((seen, weight), displacement) in track.weighted().zip(rest) {
-                let weight = weight * self.shares[seen.photo];
                 for (row, d) in seen.by_motion.iter().zip(displacement) {
                     add_row(&mut sums[seen.photo], row, weight * d);
                 }
@@ -180,7 +182,6 @@ impl<'o> NormalEquations<'o> {
         });
         let mut own = vec![prior; self.photos.len()];
         for (seen, weight) in self.tracks.iter().flat_map(Track::weighted) {
-            let weight = weight * self.shares[seen.photo];
             for row in seen.by_motion {
                 for (line, a) in own[seen.photo].iter_mut().zip(row) {
                     add_row(line, &row, weight * a);
@@ -221,8 +222,9 @@ impl<'o> NormalEquations<'o> {
                 let moved = seen.moved(&motions[seen.photo]);
                 [0, 1].map(|axis| seen.displacement[axis] - moved[axis])
             });
-            for (weight, [x, y]) in track.weights.iter_mut().zip(errors) {
-                *weight = (ERROR_LARGE / x.hypot(y)).min(1.0);
+            let seen = track.observations.iter().zip(errors);
+            for (weight, (seen, [x, y])) in track.weights.iter_mut().zip(seen) {
+                *weight = self.shares[seen.photo] * (ERROR_LARGE / x.hypot(y)).min(1.0);
             }
             track.invert();
         }
@@ -348,7 +350,7 @@ mod tests {
     /// Displacements that motions leave and no place of a point explains, root mean square.
     fn left(points: &[Vec<Observation>], motions: &[Motion]) -> f64 {
         let errors = points.iter().flat_map(|point| {
-            Track::new(point).without_point(|seen| {
+            Track::new(point, &[1.0; 9]).without_point(|seen| {
                 let moved = seen.moved(&motions[seen.photo]);
                 [0, 1].map(|axis| seen.displacement[axis] - moved[axis])
             })

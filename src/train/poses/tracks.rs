@@ -1,4 +1,4 @@
-//! Points of the scene, and where photographs show them.
+//! Points of the scene, and their places in the photographs.
 
 use super::bundle::{Motion, Observation};
 use super::windows::{BORDER, Pyramid, displacement};
@@ -60,7 +60,7 @@ pub(super) struct ViewPair<'v> {
 }
 
 impl ViewPair<'_> {
-    /// Observations of points, each where the view shows it and the photograph matches.
+    /// Observation of each point; `None` for points that the view hides or the photograph does not match.
     pub(super) fn observations(&self, points: &[DVec3]) -> Vec<Option<Observation>> {
         let pyramids = [&self.rendered.rgb, &self.target.rgb].map(|rgb| Pyramid::of(rgb, self.rendered.width));
         let observe = |point: &DVec3| self.observe(*point, &pyramids);
