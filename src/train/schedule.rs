@@ -288,8 +288,8 @@ mod tests {
         config.refine_poses = true;
         assert_eq!(rounds(&config), [100, 240, 380, 520, 660, 800]);
         config.adc.opacity_reset_every = 370;
-        assert!(is_reset(&config, 370));
-        assert_eq!(rounds(&config), [100, 240, 800]);
+        assert!(is_reset(&config, 370) && is_reset(&config, 740));
+        assert_eq!(rounds(&config), [100, 240]);
         config.poses.rounds = 1;
         assert_eq!(rounds(&config), [100]);
     }
