@@ -153,8 +153,8 @@ pub fn is_exposure(config: &TrainConfig, view_count: usize, iteration: u32) -> b
     config.exposure != ExposureModel::Off && is_early && (iteration as usize).is_multiple_of(view_count)
 }
 
-/// Whether poses are adjusted after an iteration: so many times, evenly over their part of the run. Opacity resets leave
-/// pictures that tell nothing of poses: 300 iterations after each have no round.
+/// Whether poses are adjusted after an iteration: evenly over their part of the run. Opacity resets leave pictures that
+/// tell nothing of poses: 300 iterations after each have no round.
 pub fn is_pose_round(config: &TrainConfig, iteration: u32) -> bool {
     let poses = &config.poses;
     let [from, until] = [poses.from, poses.until].map(|share| f64::from(share) * f64::from(config.iterations));

@@ -26,7 +26,7 @@ const ERROR_LARGE: f64 = 2.0;
 
 /// A point seen in a photograph; both rows in standard deviations.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Observation {
+pub(super) struct PointObservation {
     pub(super) photo: usize,
     /// Derivatives by the camera's motion.
     pub(super) by_motion: [Motion; 2],
@@ -36,7 +36,7 @@ pub(super) struct Observation {
     pub(super) displacement: [f64; 2],
 }
 
-impl Observation {
+impl PointObservation {
     fn moved(&self, motion: &Motion) -> [f64; 2] {
         self.by_motion
             .map(|row| row.iter().zip(motion).map(|(a, b)| a * b).sum())
@@ -53,17 +53,17 @@ pub(super) struct PhotoPose {
 }
 
 /// Observations of a point, and their weights.
-struct Track<'o> {
-    observations: &'o [Observation],
+struct PointTrack<'o> {
+    observations: &'o [PointObservation],
     weights: Vec<f64>,
     /// Inverse of Σ weight · Bᵀ B, B the derivatives by the point.
     inverse: DMat3,
 }
 
-impl<'o> Track<'o> {
+impl<'o> PointTrack<'o> {
     /// `shares`: weight of the observations of each photograph.
-    fn new(observations: &'o [Observation], shares: &[f64]) -> Track<'o> {
-        let mut track = Track {
+    fn new(observations: &'o [PointObservation], shares: &[f64]) -> PointTrack<'o> {
+        let mut track = PointTrack {
             observations,
             weights: observations.iter().map(|seen| shares[seen.photo]).collect(),
             inverse: DMat3::ZERO,
@@ -84,12 +84,12 @@ impl<'o> Track<'o> {
         self.inverse = (moments + DMat3::from_diagonal(DVec3::splat(1e-9 * trace + f64::MIN_POSITIVE))).inverse();
     }
 
-    fn weighted(&self) -> impl Iterator<Item = (&'o Observation, f64)> {
+    fn weighted(&self) -> impl Iterator<Item = (&'o PointObservation, f64)> {
         self.observations.iter().zip(self.weights.iter().copied())
     }
 
     /// Displacements of the observations, less their part that the best place of the point explains.
-    fn without_point(&self, of: impl Fn(&Observation) -> [f64; 2]) -> Vec<[f64; 2]> {
+    fn without_point(&self, of: impl Fn(&PointObservation) -> [f64; 2]) -> Vec<[f64; 2]> {
         let mut displacements: Vec<[f64; 2]> = self.observations.iter().map(of).collect();
         let mut sum = DVec3::ZERO;
         for ((observation, weight), displacement) in self.weighted().zip(&displacements) {
@@ -109,7 +109,7 @@ impl<'o> Track<'o> {
 
 /// Normal equations of the motions.
 struct NormalEquations<'o> {
-    tracks: Vec<Track<'o>>,
+    tracks: Vec<PointTrack<'o>>,
     photos: &'o [PhotoPose],
     /// Weight of the observations of each photograph; 0 with too few.
     shares: Vec<f64>,
@@ -118,7 +118,7 @@ struct NormalEquations<'o> {
 }
 
 impl<'o> NormalEquations<'o> {
-    fn new(photos: &'o [PhotoPose], points: &'o [Vec<Observation>]) -> NormalEquations<'o> {
+    fn new(photos: &'o [PhotoPose], points: &'o [Vec<PointObservation>]) -> NormalEquations<'o> {
         let mut counts = vec![0.0; photos.len()];
         points.iter().flatten().for_each(|seen| counts[seen.photo] += 1.0);
         let share = |count: f64| match count >= OBSERVATIONS_MIN {
@@ -126,7 +126,7 @@ impl<'o> NormalEquations<'o> {
             false => 0.0,
         };
         let shares: Vec<f64> = counts.into_iter().map(share).collect();
-        let track = |observations: &'o Vec<Observation>| Track::new(observations, &shares);
+        let track = |observations: &'o Vec<PointObservation>| PointTrack::new(observations, &shares);
         NormalEquations {
             tracks: points.iter().map(track).collect(),
             photos,
@@ -161,7 +161,7 @@ impl<'o> NormalEquations<'o> {
     }
 
     /// Σ Aᵀ d of each photograph, A the derivatives by its motion and d displacements without the points' part.
-    fn gather(&self, of: impl Fn(&Observation) -> [f64; 2]) -> Vec<Motion> {
+    fn gather(&self, of: impl Fn(&PointObservation) -> [f64; 2]) -> Vec<Motion> {
         let mut sums = vec![[0.0; 6]; self.photos.len()];
         for track in &self.tracks {
             let rest = track.without_point(&of);
@@ -200,7 +200,7 @@ impl<'o> NormalEquations<'o> {
             row
         });
         let mut own = vec![prior; self.photos.len()];
-        for (seen, weight) in self.tracks.iter().flat_map(Track::weighted) {
+        for (seen, weight) in self.tracks.iter().flat_map(PointTrack::weighted) {
             for row in seen.by_motion {
                 for (line, a) in own[seen.photo].iter_mut().zip(row) {
                     add_row(line, &row, weight * a);
@@ -259,7 +259,7 @@ impl<'o> NormalEquations<'o> {
 /// Motions of photographs that explain the displacements of points, observations of each point together.
 ///
 /// A motion that displacements hardly tell stays near the given poses, whose errors are as large as all motions are.
-pub(super) fn adjust(photos: &[PhotoPose], points: &[Vec<Observation>]) -> Vec<Motion> {
+pub(super) fn adjust(photos: &[PhotoPose], points: &[Vec<PointObservation>]) -> Vec<Motion> {
     let mut equations = NormalEquations::new(photos, points);
     let mut motions = equations.solve();
     for _ in 1..ROUNDS {
@@ -338,10 +338,10 @@ mod tests {
     }
 
     /// Points, as cameras with such errors see them; a standard deviation is a tenth of a pixel.
-    fn points(errors: &[Motion]) -> Vec<Vec<Observation>> {
+    fn points(errors: &[Motion]) -> Vec<Vec<PointObservation>> {
         let observation = |point: DVec3, photo: usize, camera: &Camera| {
             let (by_motion, by_point) = derivatives(camera, EXTENT, point);
-            let mut seen = Observation {
+            let mut seen = PointObservation {
                 photo,
                 by_motion: by_motion.map(|row| row.map(|x| 10.0 * x)),
                 by_point: by_point.map(|row| 10.0 * row),
@@ -367,9 +367,9 @@ mod tests {
     }
 
     /// Displacements that motions leave and no place of a point explains, root mean square.
-    fn left(points: &[Vec<Observation>], motions: &[Motion]) -> f64 {
+    fn left(points: &[Vec<PointObservation>], motions: &[Motion]) -> f64 {
         let errors = points.iter().flat_map(|point| {
-            Track::new(point, &[1.0; 9]).without_point(|seen| {
+            PointTrack::new(point, &[1.0; 9]).without_point(|seen| {
                 let moved = seen.moved(&motions[seen.photo]);
                 [0, 1].map(|axis| seen.displacement[axis] - moved[axis])
             })

@@ -1,6 +1,6 @@
 //! Points of the scene, and their places in the photographs.
 
-use super::bundle::{Motion, Observation};
+use super::bundle::{Motion, PointObservation};
 use super::windows::{BORDER, Pyramid, displacement};
 use crate::metrics::Target;
 use crate::render::RenderedImage;
@@ -61,13 +61,13 @@ pub(super) struct ViewPair<'v> {
 
 impl ViewPair<'_> {
     /// Observation of each point; `None` for points that the view hides or the photograph does not match.
-    pub(super) fn observations(&self, points: &[DVec3]) -> Vec<Option<Observation>> {
+    pub(super) fn observations(&self, points: &[DVec3]) -> Vec<Option<PointObservation>> {
         let pyramids = [&self.rendered.rgb, &self.target.rgb].map(|rgb| Pyramid::of(rgb, self.rendered.width));
         let observe = |point: &DVec3| self.observe(*point, &pyramids);
         points.par_iter().map(observe).collect()
     }
 
-    fn observe(&self, point: DVec3, [rendering, photo]: &[Pyramid; 2]) -> Option<Observation> {
+    fn observe(&self, point: DVec3, [rendering, photo]: &[Pyramid; 2]) -> Option<PointObservation> {
         let size = DVec2::new(self.camera.width.into(), self.camera.height.into());
         let border = f64::from(BORDER);
         let is_inside = |place: DVec2| place.cmpge(DVec2::splat(border)).all() && place.cmplt(size - border).all();
@@ -82,7 +82,7 @@ impl ViewPair<'_> {
         let found = displacement(rendering, photo, place)?;
         let (by_motion, by_point) = derivatives(self.camera, self.extent, point);
         let rows = [0, 1].map(|row| found.whitening.row(row));
-        Some(Observation {
+        Some(PointObservation {
             photo: self.photo,
             by_motion: rows.map(|row| std::array::from_fn(|k| row.x * by_motion[0][k] + row.y * by_motion[1][k])),
             by_point: rows.map(|row| by_point[0] * row.x + by_point[1] * row.y),
@@ -109,7 +109,7 @@ pub(super) fn derivatives(camera: &Camera, extent: f64, point: DVec3) -> ([Motio
 }
 
 /// Observations of each point that enough photographs show, from those of each view.
-pub(super) fn tracks(views: &[Vec<Option<Observation>>], points: usize) -> Vec<Vec<Observation>> {
+pub(super) fn tracks(views: &[Vec<Option<PointObservation>>], points: usize) -> Vec<Vec<PointObservation>> {
     let track = |point: usize| views.iter().filter_map(|view| view[point]).collect::<Vec<_>>();
     (0..points)
         .map(track)
