@@ -72,7 +72,7 @@ fn errors_of_poses_fall_and_pictures_fit_again() {
         let (loss, refined, ratio) = train(&disturbed, config);
         let refined = refined.unwrap();
         let gauge = Similarity::between(&cameras(&disturbed), &refined);
-        assert!(gauge.degrees() < 1e-6 && (gauge.scale - 1.0).abs() < 1e-9, "{gauge:?}");
+        assert!(gauge.degrees() < 1e-4 && (gauge.scale - 1.0).abs() < 1e-6, "{gauge:?}");
         let [before, after] = [&cameras(&disturbed), &refined].map(|cameras| error_degrees(cameras, &exact));
         println!("{kind:?}: {before:.3}° before, {after:.3}° after; loss {loss:.4}, {kept:.4} without; {ratio:.3}");
         assert!(

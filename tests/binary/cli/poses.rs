@@ -81,13 +81,12 @@ fn a_run_with_refined_poses_writes_them_and_resumes_to_the_byte() {
 #[test]
 fn a_transforms_file_is_refined_in_its_own_form() {
     let folder = folder();
-    let out = folder.path().join("run");
-    stdout(&train(
-        word(data()),
-        word(&out),
-        &["--refine-poses", "--set", "poses.from=0"],
-    ));
-    let [given, refined] = [data(), &out.join("refined")].map(|dir| read_json(&dir.join("transforms.json")));
+    let (made, out) = (folder.path().join("made"), folder.path().join("run"));
+    let size = ["--photos", "16", "--size", "96x72", "--out", word(&made)];
+    stdout(&[&["demo", "--data-only"][..], &size].concat());
+    let data = made.join("data");
+    stdout(&train(word(&data), word(&out), &["--refine-poses"]));
+    let [given, refined] = [&data, &out.join("refined")].map(|dir| read_json(&dir.join("transforms.json")));
     assert_eq!(
         given["frames"].as_array().map(Vec::len),
         refined["frames"].as_array().map(Vec::len)
@@ -96,7 +95,7 @@ fn a_transforms_file_is_refined_in_its_own_form() {
     assert_eq!(matrix(&given, 0), matrix(&refined, 0), "a test view");
     assert_ne!(matrix(&given, 1), matrix(&refined, 1));
     let (poses, refined) = (read_json(&out.join("poses.json")), out.join("refined"));
-    let found = json(&stdout(&["info", word(data()), "--json", "--cameras", word(&refined)]));
+    let found = json(&stdout(&["info", word(&data), "--json", "--cameras", word(&refined)]));
     let rms = |of: &Value| of["rms_degrees"].as_f64().unwrap();
     assert!((rms(&found["cameras"]) - rms(&poses)).abs() < 1e-6, "{poses}");
 }
