@@ -188,16 +188,7 @@ impl<R: Real> ScreenSplat<R> {
 
 /// Projects a splat; `None` if it is in front of the near plane, without an orientation, or not finite.
 pub fn project<R: Real>(splat: &Splat<R>, view: &Viewpoint) -> Option<ScreenSplat<R>> {
-    let pose = (matrix(view.camera.rotation), vector(view.camera.position));
-    project_from(splat, view, pose)
-}
-
-/// [`project`] from another pose than the view's: its rotation and position.
-pub fn project_from<R: Real>(
-    splat: &Splat<R>,
-    view: &Viewpoint,
-    (rotation, position): (Mat3<R>, Vec3<R>),
-) -> Option<ScreenSplat<R>> {
+    let (rotation, position) = (matrix(view.camera.rotation), vector(view.camera.position));
     let length = splat.quaternion.iter().map(|q| q.value().powi(2)).sum::<f64>().sqrt();
     let from_camera = sub(splat.mean, position);
     let mean_view = transform(rotation, from_camera);

@@ -10,6 +10,7 @@ use super::{CURVE_OFFSET, center};
 use crate::Result;
 use crate::io::photo;
 use crate::scene::{Dataset, PhotoSource, Split};
+use crate::train::conjugate_gradients::{self, SymmetricSystem};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -217,43 +218,24 @@ impl<'a> System<'a> {
 
     /// Minimiser e from a start; its mean is free.
     fn solve(&self, photos: &mut [f64]) {
-        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-        let scaled = |r: &[f64]| -> Vec<f64> {
-            let of = |(r, weight): (&f64, &f64)| if *weight > 0.0 { r / weight } else { 0.0 };
-            r.iter().zip(&self.photo_weight).map(of).collect()
-        };
+        let points = self.points(photos);
         // Half the negative gradient by e, with every point at its best.
-        let gradient = |e: &[f64]| {
-            let points = self.points(e);
-            self.by_photo(|s| s.value - e[s.photo] - points[s.point])
-        };
-        let mut residual = gradient(photos);
-        let mut preconditioned = scaled(&residual);
-        let mut direction = preconditioned.clone();
-        let mut energy = dot(&residual, &preconditioned);
+        let residual = self.by_photo(|s| s.value - photos[s.photo] - points[s.point]);
         let end = 1e-24 * self.photo_weight.iter().sum::<f64>();
-        for _ in 0..4 * photos.len() + 20 {
-            if energy <= end {
-                return;
-            }
-            let means = self.by_point(|s| direction[s.photo]);
-            let image = self.by_photo(|s| direction[s.photo] - means[s.point]);
-            let curvature = dot(&direction, &image);
-            if curvature <= 0.0 {
-                return;
-            }
-            let step = energy / curvature;
-            photos.iter_mut().zip(&direction).for_each(|(e, d)| *e += step * d);
-            residual.iter_mut().zip(&image).for_each(|(r, i)| *r -= step * i);
-            preconditioned = scaled(&residual);
-            let next = dot(&residual, &preconditioned);
-            let ratio = next / energy;
-            direction
-                .iter_mut()
-                .zip(&preconditioned)
-                .for_each(|(d, p)| *d = p + ratio * *d);
-            energy = next;
-        }
+        let iterations = 4 * photos.len() + 20;
+        conjugate_gradients::improve(self, photos, residual, |_| end, iterations);
+    }
+}
+
+impl SymmetricSystem for System<'_> {
+    fn product(&self, direction: &[f64]) -> Vec<f64> {
+        let means = self.by_point(|s| direction[s.photo]);
+        self.by_photo(|s| direction[s.photo] - means[s.point])
+    }
+
+    fn precondition(&self, residual: &[f64]) -> Vec<f64> {
+        let of = |(r, weight): (&f64, &f64)| if *weight > 0.0 { r / weight } else { 0.0 };
+        residual.iter().zip(&self.photo_weight).map(of).collect()
     }
 }
 

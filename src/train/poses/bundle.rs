@@ -1,6 +1,7 @@
 //! Bundle adjustment (Triggs 2000), linear: motions of the cameras and of the points that explain the points' places in
 //! photographs. Points are eliminated, and conjugate gradients find the motions.
 
+use crate::train::conjugate_gradients::{self, SymmetricSystem};
 use glam::{DMat3, DVec3};
 
 /// Turn about the camera in radians, and shift of its centre in scene extents, both along the world's axes.
@@ -211,26 +212,11 @@ impl<'o> NormalEquations<'o> {
     }
 
     fn solve(&self) -> Vec<Motion> {
-        let inverses = self.own_inverses();
-        let scaled = |r: &[Motion]| -> Vec<Motion> { inverses.iter().zip(r).map(|(m, r)| times(m, r)).collect() };
         let mut motions = vec![[0.0; 6]; self.photos.len()];
-        let mut residual = self.right_side();
-        let mut direction = scaled(&residual);
-        let mut energy = dot(&residual, &direction);
-        let enough = RESIDUAL * RESIDUAL * energy;
-        for _ in 0..ITERATIONS {
-            if energy.is_nan() || energy <= enough {
-                break;
-            }
-            let applied = self.product(&direction);
-            let length = energy / dot(&direction, &applied);
-            add(&mut motions, &direction, length);
-            add(&mut residual, &applied, -length);
-            let mut next = scaled(&residual);
-            let left = dot(&residual, &next);
-            add(&mut next, &direction, left / energy);
-            (energy, direction) = (left, next);
-        }
+        let (matrix, right_side) = (PreconditionedMatrix::of(self), self.right_side().into_flattened());
+        let enough = |first: f64| RESIDUAL * RESIDUAL * first;
+        let solution = motions.as_flattened_mut();
+        conjugate_gradients::improve(&matrix, solution, right_side, enough, ITERATIONS);
         motions
     }
 
@@ -256,6 +242,33 @@ impl<'o> NormalEquations<'o> {
     }
 }
 
+/// Matrix of the normal equations, and the inverses of the photographs' own parts.
+struct PreconditionedMatrix<'e> {
+    equations: &'e NormalEquations<'e>,
+    inverses: Vec<[Motion; 6]>,
+}
+
+impl<'e> PreconditionedMatrix<'e> {
+    fn of(equations: &'e NormalEquations<'e>) -> PreconditionedMatrix<'e> {
+        PreconditionedMatrix {
+            inverses: equations.own_inverses(),
+            equations,
+        }
+    }
+}
+
+impl SymmetricSystem for PreconditionedMatrix<'_> {
+    fn product(&self, motions: &[f64]) -> Vec<f64> {
+        self.equations.product(motions.as_chunks().0).into_flattened()
+    }
+
+    fn precondition(&self, residual: &[f64]) -> Vec<f64> {
+        let (rows, _) = residual.as_chunks();
+        let scaled = self.inverses.iter().zip(rows).map(|(inverse, row)| times(inverse, row));
+        scaled.flatten().collect()
+    }
+}
+
 /// Motions of photographs that explain the displacements of points, observations of each point together.
 ///
 /// A motion that displacements hardly tell stays near the given poses, whose errors are as large as all motions are.
@@ -276,16 +289,6 @@ fn add_row(sum: &mut Motion, row: &Motion, factor: f64) {
 
 fn times(matrix: &[Motion; 6], vector: &Motion) -> Motion {
     matrix.map(|row| row.iter().zip(vector).map(|(a, b)| a * b).sum())
-}
-
-fn dot(a: &[Motion], b: &[Motion]) -> f64 {
-    let terms = a.as_flattened().iter().zip(b.as_flattened());
-    terms.map(|(a, b)| a * b).sum()
-}
-
-fn add(sum: &mut [Motion], terms: &[Motion], factor: f64) {
-    let rows = sum.iter_mut().zip(terms);
-    rows.for_each(|(sum, row)| add_row(sum, row, factor));
 }
 
 /// Inverse of a positive definite matrix, by elimination.

@@ -38,7 +38,7 @@ pub struct RefinedPoses {
     given: Vec<Camera>,
     /// Photograph of each training view: sides of one photograph move together.
     photo_from_view: Vec<usize>,
-    /// First training view of each photograph; turns and shifts follow the axes of its camera.
+    /// First training view of each photograph.
     first_view: Vec<usize>,
     extent: f64,
     state: PoseState,
@@ -87,10 +87,10 @@ impl RefinedPoses {
         let pose = |(&place, (turn, shift)): (&usize, (&[f64; 4], &[f64; 3]))| {
             let turn = DQuat::from_array(*turn);
             let [x, y, z] = turn.to_scaled_axis().to_array();
-            let [right, down, ahead] = shift.map(|x| x / self.extent);
+            let [along_x, along_y, along_z] = shift.map(|length| length / self.extent);
             PhotoPose {
                 rotation: self.given[place].rotation * DMat3::from_quat(turn),
-                motion: [x, y, z, right, down, ahead],
+                motion: [x, y, z, along_x, along_y, along_z],
             }
         };
         photos.map(pose).collect()

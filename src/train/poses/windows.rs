@@ -11,7 +11,8 @@ const RADIUS: i32 = 5;
 const LEVELS: usize = 3;
 /// Iterations at each level.
 const ITERATIONS: usize = 8;
-/// Displacement below which a level ends, pixels.
+/// Longest step of an iteration, and the length below which a level ends, pixels of the level.
+const STEP_MAX: f64 = 2.0;
 const STEP_MIN: f64 = 0.005;
 /// Correlation of a window's pixels that counts as a match.
 const CORRELATION_MIN: f64 = 0.8;
@@ -19,8 +20,6 @@ const CORRELATION_MIN: f64 = 0.8;
 const CONTRAST_MIN: f64 = 0.01;
 /// Error of a displacement besides that of the pixels' differences, pixels: renderings displace textures themselves.
 const FLOOR: f64 = 0.1;
-/// Longest step of an iteration, pixels of its level.
-const STEP_MAX: f64 = 2.0;
 
 /// Grey values, row by row from the top.
 struct Gray {

@@ -84,17 +84,6 @@ impl SplatSums {
         self.records.iter().map(part).collect()
     }
 
-    /// Gradient by each splat's row on the screen; 0 where it is not drawn.
-    pub fn by_screen(&self) -> Vec<[f64; 10]> {
-        let rows = self.screen.iter().enumerate();
-        let row = |(i, screen): (usize, &Option<ScreenSplat<f64>>)| {
-            screen
-                .as_ref()
-                .map_or([0.0; 10], |screen| pack::screen_row(screen, self.total(i)))
-        };
-        rows.map(row).collect()
-    }
-
     fn total(&self, splat: usize) -> [f64; 9] {
         let begin = self.begins[splat] as usize;
         let mut sums = [0.0; 9];
