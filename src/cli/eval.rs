@@ -1,11 +1,11 @@
 //! `ashfall eval`: PSNR and SSIM of renderings against the photographs.
 
 mod mesh;
+mod poses;
 mod surface;
 
 use super::Outcome;
 use super::args::{DataArgs, DeviceArgs, SplitArg};
-use super::cameras::{CameraPairs, similarity_value};
 use super::engine::evaluator;
 use super::output::{Output, figure, file_stem, score_text};
 use super::scene::{SceneArgs, fit_axes};
@@ -16,10 +16,11 @@ use crate::io::splats::readable;
 use crate::lab::report::comparison;
 use crate::metrics::{CorrectedScore, CorrectedScores, MeanScore, ViewScore};
 use crate::render::{ViewEvaluation, ViewOptions};
-use crate::scene::{Camera, Dataset, Similarity, Splats};
+use crate::scene::{Dataset, Splats};
 use crate::{Error, Result};
 use clap::Args;
 use clap::builder::ArgPredicate;
+use poses::CameraMoves;
 use serde::Serialize;
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -55,6 +56,10 @@ pub(super) struct EvalArgs {
     /// poses, and the others are moved by the similarity between both (sim3)
     #[arg(long, value_name = "DATA", conflicts_with = "reference")]
     poses: Option<PathBuf>,
+    /// Fit the camera of each view to its photograph before it is scored (aligned): 6 numbers a view, no splat. Tells
+    /// errors of test poses from those of the scene
+    #[arg(long, conflicts_with_all = ["reference", "depths", "mesh"])]
+    align: bool,
     /// Score depths and normals instead of colours: against those of DIR/VIEW.exr (channels Z, N.X, N.Y and N.Z; depth
     /// along the view's axis, normals in the world, as `ashfall demo --truth` and `render --format exr` write them)
     #[arg(long, value_name = "DIR", conflicts_with_all = ["reference", "pictures"])]
@@ -85,7 +90,7 @@ const EXAMPLES: &str = "\
 Examples:
   ashfall eval run/scene.ply photos/
   ashfall eval run/scene.ply photos/ --split all --json > scores.json
-  ashfall eval run/scene.ply photos/ --poses run/refined
+  ashfall eval run/scene.ply photos/ --poses run/refined --align
   ashfall eval run/scene.ply photos/ --pictures comparison/
   ashfall eval scene.spz photos/ --reference run/scene.ply
   ashfall eval scene.ply out/demo/data --depths out/demo/data/truth
@@ -100,11 +105,7 @@ pub(super) fn run(args: &EvalArgs) -> Result<Outcome> {
     // As in training: views without a photograph are left out before the split.
     let needs_photos = args.reference.is_none() && args.depths.is_none();
     let mut dataset = args.options.open(&args.data, needs_photos)?;
-    let similarity = args
-        .poses
-        .as_ref()
-        .map(|path| move_cameras(&mut dataset, &args.options, path))
-        .transpose()?;
+    let mut moves = CameraMoves::to_poses(args, &mut dataset)?;
     dataset.set_origin(scene.splats.origin);
     let views = dataset.split(args.split.into());
     if views.is_empty() {
@@ -121,6 +122,7 @@ pub(super) fn run(args: &EvalArgs) -> Result<Outcome> {
     if let Some(truth) = &args.depths {
         return surface::run(args, truth, (&splats, &gpu), (&dataset, &views));
     }
+    moves.align(args, &splats, &gpu, (&mut dataset, &views))?;
     let mut evaluator = evaluator(&gpu, &dataset, &views, args.background);
     let bar = output.bar(views.len() as u64, "views");
     let scores = evaluator.map(&splats, |evaluated| {
@@ -138,45 +140,22 @@ pub(super) fn run(args: &EvalArgs) -> Result<Outcome> {
     let raw: Vec<ViewScore> = scores.iter().map(|view| view.raw.clone()).collect();
     let corrected: Vec<CorrectedScores> = scores.iter().map(|view| view.corrected).collect();
     let (mean, mean_corrected) = (MeanScore::of(&raw), CorrectedScores::mean(&corrected));
-    let mut text = table(&scores, &mean, &mean_corrected);
-    if let Some(similarity) = &similarity {
-        text += &format!(
-            "\nposes: sim3, test cameras moved by the similarity of scale {:.6} and {:.4}°",
-            similarity.scale,
-            similarity.degrees()
-        );
-    }
+    let text = table(&scores, &mean, &mean_corrected) + &moves.text();
+    let [poses, similarity, alignment] = moves.values();
     output.result(text, || {
         json!({
             "scene": args.scene,
             "device": gpu.caps().name,
             "splat_count": splats.len(),
-            "poses": if similarity.is_some() { "sim3" } else { "raw" },
-            "similarity": similarity.as_ref().map(similarity_value),
+            "poses": poses,
+            "similarity": similarity,
+            "alignment": alignment,
             "mean": mean,
             "mean_corrected": mean_corrected,
             "views": scores,
         })
     });
     Ok(Outcome::Done)
-}
-
-/// Gives training views the poses of another reconstruction, and moves the others by the similarity to it, which is
-/// returned. No test view takes part in it.
-fn move_cameras(dataset: &mut Dataset, options: &DataArgs, path: &Path) -> Result<Similarity> {
-    let pairs = CameraPairs::read(dataset, options, path)?;
-    let (similarity, others) = (pairs.similarity(), pairs.others());
-    for view in &mut dataset.views {
-        view.camera = match others.get(view.name.as_str()) {
-            Some(other) => Camera {
-                rotation: other.rotation,
-                position: other.position,
-                ..view.camera
-            },
-            None => similarity.moved(&view.camera),
-        };
-    }
-    Ok(similarity)
 }
 
 /// Scores a scene against the pictures of another.

@@ -1,6 +1,6 @@
 //! Scores of rendered views against their photographs.
 
-use super::{Image, compare};
+use super::{Image, compare, mean_squared_error, ssim};
 use crate::scene::{AlphaMode, Photo};
 use serde::{Deserialize, Serialize};
 
@@ -87,10 +87,26 @@ impl Target {
         }
     }
 
+    /// SSIM of a rendering of the same size, `[row][column]`.
+    pub fn ssim(&self, rendering: &[[f32; 3]]) -> f64 {
+        let [rendered, photo] = self.images(rendering);
+        ssim(rendered, photo, self.weights.as_deref())
+    }
+
+    /// Mean squared error of a rendering of the same size over pixels and channels.
+    pub fn mean_squared_error(&self, rendering: &[[f32; 3]]) -> f64 {
+        let [rendered, photo] = self.images(rendering);
+        mean_squared_error(rendered, photo, self.weights.as_deref())
+    }
+
+    /// Rendering and photograph.
+    fn images<'i>(&'i self, rendering: &'i [[f32; 3]]) -> [Image<'i>; 2] {
+        [rendering, &self.rgb].map(|rgb| Image::new(self.width, self.height, rgb))
+    }
+
     /// The score of a rendering of the same size, `[row][column]`.
     pub fn score(&self, name: &str, rendering: &[[f32; 3]]) -> ViewScore {
-        let rendered = Image::new(self.width, self.height, rendering);
-        let photo = Image::new(self.width, self.height, &self.rgb);
+        let [rendered, photo] = self.images(rendering);
         let scores = compare(rendered, photo, self.weights.as_deref());
         ViewScore {
             name: name.to_string(),

@@ -9,7 +9,7 @@ use super::view::ViewOptions;
 use crate::Result;
 use crate::gpu::Gpu;
 use crate::io::photo;
-use crate::metrics::{CorrectedScores, Image, Target, ViewScore, mean_squared_error, ssim};
+use crate::metrics::{CorrectedScores, Target, ViewScore};
 use crate::scene::{Dataset, Primitive, Splats, View};
 
 /// Renders and scores views of a data set for one scene after the other.
@@ -50,20 +50,12 @@ impl ViewEvaluation<'_> {
 
     /// SSIM of the rendering.
     pub fn ssim(&self) -> f64 {
-        let [rendered, photo] = self.images();
-        ssim(rendered, photo, self.target.weights.as_deref())
+        self.target.ssim(&self.rendered.rgb)
     }
 
     /// Mean squared error of the rendering over pixels and channels.
     pub fn mean_squared_error(&self) -> f64 {
-        let [rendered, photo] = self.images();
-        mean_squared_error(rendered, photo, self.target.weights.as_deref())
-    }
-
-    /// Rendering and photograph.
-    fn images(&self) -> [Image<'_>; 2] {
-        let Target { width, height, .. } = *self.target;
-        [&self.rendered.rgb, &self.target.rgb].map(|rgb| Image::new(width, height, rgb))
+        self.target.mean_squared_error(&self.rendered.rgb)
     }
 }
 

@@ -6,7 +6,7 @@
 //!
 //! Renderings know less than tracks do: in their least squares, highlights and edges count as exposure (a made scene
 //! has errors of 0.08 stops rms by renderings and of 0.03 by tracks). So a photograph with tracks goes only a tenth of
-//! the way from its first gain.
+//! the way from its first gain, and keeps it where the exposures of tracks hardly differ.
 
 use super::{CURVE_POWER, center, from_tracks, stops};
 use crate::Result;
@@ -87,6 +87,9 @@ impl ExposureGains {
     /// Moves the gains towards those of the sums, and forgets the sums. A photograph without enough values that count,
     /// black, white or masked, keeps its gain.
     pub(crate) fn update(&mut self) {
+        // Where the tracks tell no exposure, renderings would only bring their errors.
+        let differ = self.tracked.iter().flatten().any(|gain| *gain != [0.0; 3]);
+        let share = if differ { TRACKED_SHARE } else { 0.0 };
         let photos = self.log_gain.iter_mut().zip(&mut self.sums).zip(&self.tracked);
         for ((log_gain, sums), tracked) in photos {
             let [products, squares] = std::mem::take(sums);
@@ -94,7 +97,7 @@ impl ExposureGains {
                 let best = (products[channel] / squares[channel]).ln();
                 if products[3] >= WEIGHT_MIN && best.is_finite() {
                     let best = best.clamp(-LOG_GAIN_MAX, LOG_GAIN_MAX);
-                    let from = |tracked: &[f64; 3]| tracked[channel] + TRACKED_SHARE * (best - tracked[channel]);
+                    let from = |tracked: &[f64; 3]| tracked[channel] + share * (best - tracked[channel]);
                     let best = tracked.as_ref().map_or(best, from);
                     log_gain[channel] += BLEND * (best - log_gain[channel]);
                 }
@@ -148,6 +151,21 @@ mod tests {
         let of = |gain: f64| ExposureGains::of(vec![Some([gain; 3]), Some([-gain; 3]), None]).log_gain[0];
         assert_eq!(of(0.01), [0.0; 3]);
         assert_eq!(of(0.02), [0.02; 3]);
+    }
+
+    #[test]
+    fn renderings_give_no_exposure_where_tracks_tell_none() {
+        let mut gains = ExposureGains::of(vec![Some([0.01; 3]), Some([-0.01; 3]), None]);
+        gains.add(0, &sums(1.2, 500.0));
+        gains.update();
+        assert_eq!(gains.log_gain, vec![[0.0; 3]; 3]);
+        // One without tracks has only its renderings.
+        gains.add(2, &sums(1.2, 500.0));
+        gains.update();
+        assert!(
+            gains.log_gain[2][1] > 0.05 && gains.log_gain[0] == gains.log_gain[1],
+            "{gains:?}"
+        );
     }
 
     #[test]

@@ -1,7 +1,7 @@
-//! A round of bundle adjustment: the scene drawn in each training view, and matched with its photograph.
+//! The scene drawn in views and matched with their photographs: a round of bundle adjustment, and resection.
 
-use super::tracks::{ViewPair, points, tracks};
-use super::{RefinedPoses, bundle};
+use super::tracks::{ViewPair, moved, points, tracks};
+use super::{RefinedPoses, bundle, resection};
 use crate::Result;
 use crate::gpu::Gpu;
 use crate::io::photo;
@@ -16,25 +16,22 @@ const PIXELS_MAX: u64 = 1 << 20;
 /// Views whose surfaces have enough points: of two and three times as many, every second and third has points.
 const VIEWS_ENOUGH: usize = 12;
 
-/// Training views of a run, and how its scene is drawn.
-pub(in crate::train) struct PoseAdjustment<'a> {
-    pub(in crate::train) dataset: &'a Dataset,
-    pub(in crate::train) views: &'a [usize],
-    pub(in crate::train) extent: f64,
-    pub(in crate::train) options: ViewOptions,
+/// Most drawings of a view whose pose is searched alone.
+const RESECTIONS_MAX: usize = 6;
+
+/// Views of a data set, and how a scene is drawn in them.
+pub(crate) struct PoseAdjustment<'a> {
+    pub(crate) dataset: &'a Dataset,
+    pub(crate) views: &'a [usize],
+    pub(crate) extent: f64,
+    pub(crate) options: ViewOptions,
 }
 
 impl PoseAdjustment<'_> {
     /// Moves poses to fit the scene to the photographs. Views are drawn for points and again for their places, so that
     /// one at a time is in memory.
     pub(in crate::train) fn adjust(&self, gpu: &Gpu, model: &Model, poses: &mut RefinedPoses) -> Result<()> {
-        let options = RenderOptions {
-            with_surface: true,
-            primitive: model.primitive,
-            capacity: Capacity::LEAST,
-            ..RenderOptions::default()
-        };
-        let mut renderer = Renderer::new(gpu, options)?;
+        let mut renderer = surface_renderer(gpu, model)?;
         let mut draw = |place: usize| -> Result<(Camera, RenderedImage)> {
             let given = &self.dataset.views[self.views[place]].camera;
             let [width, height] = drawn_size([given.width, given.height]);
@@ -66,12 +63,70 @@ impl PoseAdjustment<'_> {
         Ok(())
     }
 
+    /// Camera of each view that fits its photograph to the scene, which is held; the given one where none fits better.
+    pub(crate) fn resect(&self, gpu: &Gpu, model: &Model, mut progress: impl FnMut()) -> Result<Vec<Camera>> {
+        let mut renderer = surface_renderer(gpu, model)?;
+        let places = 0..self.views.len();
+        let cameras: Result<Vec<Camera>> = places
+            .map(|place| {
+                progress();
+                self.resected(&mut renderer, model, place)
+            })
+            .collect();
+        renderer.release()?;
+        cameras
+    }
+
+    fn resected(&self, renderer: &mut Renderer, model: &Model, place: usize) -> Result<Camera> {
+        let given = &self.dataset.views[self.views[place]].camera;
+        let [width, height] = drawn_size([given.width, given.height]);
+        let mut camera = given.resized(width, height);
+        let target = &self.target(place, &camera)?;
+        let (mut least, mut best) = (f64::INFINITY, camera);
+        for _ in 0..RESECTIONS_MAX {
+            let rendered = &renderer.render(model, &camera, &self.options)?;
+            let error = target.mean_squared_error(&rendered.rgb);
+            if error.is_nan() || error >= least {
+                break;
+            }
+            (least, best) = (error, camera);
+            let pair = ViewPair {
+                camera: &camera,
+                rendered,
+                target,
+                photo: 0,
+                extent: self.extent,
+            };
+            let seen = pair.observations(&points(&camera, rendered, 1.0));
+            let Some(motion) = resection::motion(&seen.into_iter().flatten().collect::<Vec<_>>()) else {
+                break;
+            };
+            camera = moved(&camera, self.extent, motion);
+        }
+        Ok(Camera {
+            rotation: best.rotation,
+            position: best.position,
+            ..*given
+        })
+    }
+
     /// Photograph of a view at the size of a camera.
     fn target(&self, view: usize, camera: &Camera) -> Result<Target> {
         let photo = photo::load(&self.dataset.views[self.views[view]])?;
         let photo = photo::reduce(photo, camera.width, camera.height);
         Ok(Target::new(&photo, self.dataset.alpha, self.options.background))
     }
+}
+
+/// Renderer of pictures with depths.
+fn surface_renderer(gpu: &Gpu, model: &Model) -> Result<Renderer> {
+    let options = RenderOptions {
+        with_surface: true,
+        primitive: model.primitive,
+        capacity: Capacity::LEAST,
+        ..RenderOptions::default()
+    };
+    Renderer::new(gpu, options)
 }
 
 /// Width and height of a view when it is drawn: halved until at most [`PIXELS_MAX`] pixels are left.

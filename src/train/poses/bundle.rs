@@ -10,20 +10,20 @@ pub(super) type Motion = [f64; 6];
 /// Windows of a photograph whose errors are independent: those of a rendering are alike all over a picture.
 const INDEPENDENT: f64 = 10.0;
 /// Fewest observations of a photograph that moves.
-const OBSERVATIONS_MIN: f64 = 10.0;
+pub(super) const OBSERVATIONS_MIN: f64 = 10.0;
 /// Weight of the given poses against a motion that all photographs share, times that against a motion of one: the
 /// errors of renderings are alike in all photographs, too.
 const COMMON: f64 = 10.0;
 /// First and least spread of the given poses' errors, radians and scene extents.
-const SPREAD: [f64; 2] = [0.02, 1e-4];
+pub(super) const SPREAD: [f64; 2] = [0.02, 1e-4];
 /// Solutions; each but the last gives the weights of the next.
-const ROUNDS: usize = 4;
+pub(super) const ROUNDS: usize = 4;
 /// Most iterations of conjugate gradients.
 const ITERATIONS: usize = 200;
 /// Residual at which they end, as a share of the first.
 const RESIDUAL: f64 = 1e-5;
 /// Error from which an observation counts less, standard deviations (Huber).
-const ERROR_LARGE: f64 = 2.0;
+pub(super) const ERROR_LARGE: f64 = 2.0;
 
 /// A point seen in a photograph; both rows in standard deviations.
 #[derive(Clone, Copy, Debug)]
@@ -41,6 +41,12 @@ impl PointObservation {
     fn moved(&self, motion: &Motion) -> [f64; 2] {
         self.by_motion
             .map(|row| row.iter().zip(motion).map(|(a, b)| a * b).sum())
+    }
+
+    /// Displacement that a motion of the camera does not explain.
+    pub(super) fn error(&self, motion: &Motion) -> [f64; 2] {
+        let moved = self.moved(motion);
+        [0, 1].map(|axis| self.displacement[axis] - moved[axis])
     }
 }
 
@@ -195,17 +201,10 @@ impl<'o> NormalEquations<'o> {
 
     /// Inverses of the photographs' own parts of the matrix, points held.
     fn own_inverses(&self) -> Vec<[Motion; 6]> {
-        let prior: [Motion; 6] = std::array::from_fn(|i| {
-            let mut row = [0.0; 6];
-            row[i] = self.prior[i / 3];
-            row
-        });
-        let mut own = vec![prior; self.photos.len()];
+        let mut own = vec![diagonal(self.prior); self.photos.len()];
         for (seen, weight) in self.tracks.iter().flat_map(PointTrack::weighted) {
-            for row in seen.by_motion {
-                for (line, a) in own[seen.photo].iter_mut().zip(row) {
-                    add_row(line, &row, weight * a);
-                }
+            for row in &seen.by_motion {
+                add_outer(&mut own[seen.photo], row, weight);
             }
         }
         own.into_iter().map(inverse).collect()
@@ -223,10 +222,7 @@ impl<'o> NormalEquations<'o> {
     /// Takes weights from the errors that motions leave, and the prior from the spread of all motions.
     fn reweight(&mut self, motions: &[Motion]) {
         for track in &mut self.tracks {
-            let errors = track.without_point(|seen| {
-                let moved = seen.moved(&motions[seen.photo]);
-                [0, 1].map(|axis| seen.displacement[axis] - moved[axis])
-            });
+            let errors = track.without_point(|seen| seen.error(&motions[seen.photo]));
             let seen = track.observations.iter().zip(errors);
             for (weight, (seen, [x, y])) in track.weights.iter_mut().zip(seen) {
                 *weight = self.shares[seen.photo] * (ERROR_LARGE / x.hypot(y)).min(1.0);
@@ -282,18 +278,29 @@ pub(super) fn adjust(photos: &[PhotoPose], points: &[Vec<PointObservation>]) -> 
     motions
 }
 
-fn add_row(sum: &mut Motion, row: &Motion, factor: f64) {
+/// Diagonal matrix of the information of turns and of shifts.
+pub(super) fn diagonal(information: [f64; 2]) -> [Motion; 6] {
+    std::array::from_fn(|i| std::array::from_fn(|j| if i == j { information[i / 3] } else { 0.0 }))
+}
+
+/// Adds the outer product of a row with itself, times a factor.
+pub(super) fn add_outer(sum: &mut [Motion; 6], row: &Motion, factor: f64) {
+    let lines = sum.iter_mut().zip(row);
+    lines.for_each(|(line, a)| add_row(line, row, factor * a));
+}
+
+pub(super) fn add_row(sum: &mut Motion, row: &Motion, factor: f64) {
     let terms = sum.iter_mut().zip(row);
     terms.for_each(|(sum, x)| *sum += factor * x);
 }
 
-fn times(matrix: &[Motion; 6], vector: &Motion) -> Motion {
+pub(super) fn times(matrix: &[Motion; 6], vector: &Motion) -> Motion {
     matrix.map(|row| row.iter().zip(vector).map(|(a, b)| a * b).sum())
 }
 
 /// Inverse of a positive definite matrix, by elimination.
-fn inverse(mut m: [Motion; 6]) -> [Motion; 6] {
-    let mut inverse: [Motion; 6] = std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))));
+pub(super) fn inverse(mut m: [Motion; 6]) -> [Motion; 6] {
+    let mut inverse: [Motion; 6] = diagonal([1.0; 2]);
     for i in 0..6 {
         let pivot = m[i][i].recip();
         for row in [&mut m[i], &mut inverse[i]] {

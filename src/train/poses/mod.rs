@@ -10,8 +10,10 @@
 mod adjustment;
 mod bundle;
 mod refinement;
+mod resection;
 mod tracks;
 mod windows;
 
-pub(super) use adjustment::{PoseAdjustment, drawn_size};
+pub(crate) use adjustment::PoseAdjustment;
+pub(super) use adjustment::drawn_size;
 pub use refinement::{PoseState, RefinedPoses, photo_name};

@@ -5,7 +5,7 @@ use super::windows::{BORDER, Pyramid, displacement};
 use crate::metrics::Target;
 use crate::render::RenderedImage;
 use crate::scene::Camera;
-use glam::{DVec2, DVec3};
+use glam::{DMat3, DQuat, DVec2, DVec3};
 use rayon::prelude::*;
 
 /// Points of all views together, about.
@@ -108,6 +108,16 @@ pub(super) fn derivatives(camera: &Camera, extent: f64, point: DVec3) -> ([Motio
     (by_motion, by_point.map(|row| extent * row))
 }
 
+/// A camera turned about its centre and shifted.
+pub(super) fn moved(camera: &Camera, extent: f64, [x, y, z, shift @ ..]: Motion) -> Camera {
+    let turn = DQuat::from_scaled_axis(DVec3::new(x, y, z));
+    Camera {
+        rotation: camera.rotation * DMat3::from_quat(turn),
+        position: camera.position + extent * DVec3::from(shift),
+        ..*camera
+    }
+}
+
 /// Observations of each point that enough photographs show, from those of each view.
 pub(super) fn tracks(views: &[Vec<Option<PointObservation>>], points: usize) -> Vec<Vec<PointObservation>> {
     let track = |point: usize| views.iter().filter_map(|view| view[point]).collect::<Vec<_>>();
@@ -121,26 +131,18 @@ pub(super) fn tracks(views: &[Vec<Option<PointObservation>>], points: usize) -> 
 mod tests {
     use super::*;
     use crate::train::test_camera;
-    use glam::{DMat3, DQuat};
 
     #[test]
     fn derivatives_are_the_limits_of_differences() {
         let (extent, point) = (5.0, DVec3::new(0.4, -0.3, 0.2));
         let camera = test_camera(160, 120, 170.0).look_at(DVec3::new(1.0, -2.0, -4.0), DVec3::ZERO, DVec3::NEG_Y);
         let (by_motion, by_point) = derivatives(&camera, extent, point);
-        let moved = |motion: Motion| {
-            let [x, y, z, shift @ ..] = motion;
-            Camera {
-                rotation: camera.rotation * DMat3::from_quat(DQuat::from_scaled_axis(DVec3::new(x, y, z))),
-                position: camera.position + extent * DVec3::from(shift),
-                ..camera
-            }
-        };
         let step = 1e-6;
         let slope = |ahead: Option<DVec2>, behind: Option<DVec2>| (ahead.unwrap() - behind.unwrap()) / (2.0 * step);
         for (k, found) in by_motion[0].into_iter().zip(by_motion[1]).enumerate() {
             let unit: Motion = std::array::from_fn(|i| if i == k { step } else { 0.0 });
-            let [ahead, behind] = [unit, unit.map(|x| -x)].map(|motion| moved(motion).pixel_from_world(point));
+            let [ahead, behind] =
+                [unit, unit.map(|x| -x)].map(|motion| moved(&camera, extent, motion).pixel_from_world(point));
             assert!(slope(ahead, behind).distance(found.into()) < 1e-4, "{k}: {found:?}");
         }
         for axis in DVec3::AXES {

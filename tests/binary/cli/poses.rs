@@ -71,6 +71,12 @@ fn a_run_with_refined_poses_writes_them_and_resumes_to_the_byte() {
         (psnr(&raw) - psnr(&moved)).abs() < 1e-3,
         "the gauge is that of the data set"
     );
+    let aligned = eval(&["--align"]);
+    assert_eq!(aligned["poses"], "aligned");
+    assert!(
+        psnr(&aligned) > psnr(&raw) && aligned["alignment"]["rms_degrees"].is_f64(),
+        "{aligned}"
+    );
     let trained = eval(&["--poses", word(&refined), "--split", "train"]);
     assert_eq!(trained["mean"], read_json(&whole.join("report.json"))["train"]);
     let refused = path("refused");
