@@ -52,10 +52,13 @@ mod tests {
     #[test]
     fn small_motions_are_found_among_outliers() {
         let wanted = [2e-4, -1e-4, 3e-4, 1e-4, 2e-4, -2e-4];
-        for (wrong, tolerance) in [(0, 1e-7), (5, 5e-5)] {
-            let found = motion(&observations(wanted, wrong)).unwrap();
-            for (found, wanted) in found.into_iter().zip(wanted) {
-                assert!((found - wanted).abs() < tolerance, "{wrong}: {found}, {wanted} wanted");
+        // Errors of 42 standard deviations at one point of fifteen have a mean of 2.8.
+        for (wrong, tolerance) in [(0, 0.01), (5, 1.0)] {
+            let seen = observations(wanted, wrong);
+            let found = motion(&seen).unwrap();
+            for right in &seen[wrong..] {
+                let [x, y] = right.error(&found);
+                assert!(x.hypot(y) < tolerance, "{wrong}: {x}, {y} standard deviations");
             }
         }
         assert_eq!(motion(&observations(wanted, 0)[..9]), None);
