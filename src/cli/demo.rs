@@ -161,7 +161,7 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
     // Trained from the files, like any data set.
     let options = DataArgs::default();
     let dataset = options.open(&data, true)?;
-    let mut config = TrainConfig::for_iterations(args.iterations).coarse_to_fine(dataset.mean_pixels());
+    let mut config = TrainConfig::for_iterations(args.iterations).for_dataset(&dataset);
     config.seed = args.seed;
     let faults = MadeFaults::of(args);
     if faults.exposure {

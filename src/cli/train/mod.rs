@@ -156,8 +156,7 @@ pub(super) fn run(args: &TrainArgs) -> Result<Outcome> {
 fn new_run<'a>(args: &TrainArgs, gpu: &Gpu, dataset: &'a Dataset) -> Result<AutoRun<'a>> {
     let kind = gpu.caps().kind;
     let Some(loss_db) = args.parsimony else {
-        let by_size = |usual: TrainConfig| usual.coarse_to_fine(dataset.mean_pixels());
-        let config = args.config.config_from(kind, by_size)?;
+        let config = args.config.config_from(kind, |usual| usual.for_dataset(dataset))?;
         return AutoRun::new(gpu, dataset, config.within(dataset, BufferLimits::of(gpu)));
     };
     check_parsimony(gpu, dataset, &args.config.config(kind)?)?;
@@ -281,10 +280,11 @@ fn announce(output: Output, gpu: &Gpu, dataset: &Dataset, run: &AutoRun<'_>, sta
         gpu.caps().name,
         grouped(dataset.points.len()),
     ));
-    if run.controller().is_some() && config.drop_rate > 0.0 {
+    if config.drop_rate > 0.0 {
         let views = dataset.views_per_point();
         output.remark(format_args!(
-            "a point lies in {views} training images (median): trained against overfitting"
+            "a point lies in {views} training images (median): each step leaves out up to {:.0} % of the splats",
+            100.0 * config.drop_rate
         ));
     }
     if state.iteration < config.coarse_until {

@@ -83,7 +83,7 @@ impl Task<'_> {
         };
         let with_setting = |config: TrainConfig| config.with_settings(setting).map_err(Error::Config);
         // Before, for constants that others are derived from; and after, for the derived ones.
-        let usual = TrainConfig::for_iterations(settings.iterations).coarse_to_fine(self.dataset.mean_pixels());
+        let usual = TrainConfig::for_iterations(settings.iterations).for_dataset(self.dataset);
         let usual = with_setting(usual)?;
         let config = config(settings.recipe, usual, self.dataset.views_per_point());
         let mut config = with_setting(config)?;

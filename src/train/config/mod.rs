@@ -7,6 +7,7 @@
 mod auto;
 mod coarse;
 mod constants;
+mod few_views;
 mod groups;
 mod retired;
 mod settings;
@@ -102,7 +103,8 @@ pub struct TrainConfig {
     #[serde(default)]
     pub regularization: f32,
     /// Share of the splats that a step leaves out, at random, at the last iteration; it grows linearly from 0. The
-    /// others are more opaque for it. 0 (3DGS); 0.2 for few views (Park et al., "DropGaussian", 2025).
+    /// others are more opaque for it. 0 (3DGS); [`for_few_views`](TrainConfig::for_few_views) sets it where few
+    /// photographs show each place (Park et al., "DropGaussian", CVPR 2025).
     #[serde(default)]
     pub drop_rate: f32,
     /// Upper bound of a splat's largest over smallest standard deviation: 0 for none (3DGS), else at least 1.01. After
@@ -314,7 +316,7 @@ impl TrainConfig {
     /// The same run with measures against splats that fit the photographs only together or only in one view, where few
     /// views show each place: dropout, and MCMC's penalties of opacity and scale. `weight` is 0 to 1.
     pub fn against_overfitting(mut self, weight: f32) -> TrainConfig {
-        self.drop_rate = 0.2 * weight;
+        self.drop_rate = few_views::DROP_RATE * weight;
         self.regularization = weight;
         self
     }

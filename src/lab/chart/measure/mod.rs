@@ -112,7 +112,7 @@ pub fn measure(
         (None, Some(trained)) => trained,
         (None, None) => {
             progress("training a scene to draw");
-            let (_, config) = settings::default_run(plan, dataset.mean_pixels());
+            let (_, config) = settings::default_run(plan, dataset);
             training::splats(gpu, dataset, config)?
         }
     };

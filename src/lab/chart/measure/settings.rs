@@ -4,7 +4,7 @@ use super::ChartPlan;
 use crate::lab::chart::Knob;
 use crate::reference::bound::{Approximations, color_errors};
 use crate::render::{Accuracy, Precision};
-use crate::scene::{ScreenFilter, Splats, sh_coefficient_count};
+use crate::scene::{Dataset, ScreenFilter, Splats, sh_coefficient_count};
 use crate::simplify::reduce_harmonics;
 use crate::train::{StrategyKind, TrainConfig};
 
@@ -176,17 +176,17 @@ pub(super) fn of_gradients(sh_degree: u32, plan: &ChartPlan) -> Vec<FrameSetting
 /// Knob and configuration of a training run.
 pub(super) type RunSetting = (Knob, TrainConfig);
 
-/// The default run, on photographs of so many pixels on average.
-pub(super) fn default_run(plan: &ChartPlan, pixels: f64) -> RunSetting {
+/// The default run of a data set.
+pub(super) fn default_run(plan: &ChartPlan, dataset: &Dataset) -> RunSetting {
     let mut knob = Knob::new("default", format!("{} steps", plan.iterations));
     knob.is_default = true;
     let config = TrainConfig::for_iterations(plan.iterations);
-    (knob, config.coarse_to_fine(pixels))
+    (knob, config.for_dataset(dataset))
 }
 
 /// The other runs; `splats` is the final count of the default one.
-pub(super) fn of_runs(plan: &ChartPlan, pixels: f64, splats: u32) -> Vec<RunSetting> {
-    let base = TrainConfig::for_iterations(plan.iterations).coarse_to_fine(pixels);
+pub(super) fn of_runs(plan: &ChartPlan, dataset: &Dataset, splats: u32) -> Vec<RunSetting> {
+    let base = TrainConfig::for_iterations(plan.iterations).for_dataset(dataset);
     let with = |series: &str, setting: String, change: &dyn Fn(&mut TrainConfig)| {
         let mut config = base.clone();
         change(&mut config);
@@ -198,7 +198,7 @@ pub(super) fn of_runs(plan: &ChartPlan, pixels: f64, splats: u32) -> Vec<RunSett
     let mut runs = Vec::new();
     for steps in [plan.iterations / 2, plan.iterations * 2] {
         runs.push(with("steps", steps.to_string(), &|c| {
-            *c = TrainConfig::for_iterations(steps).coarse_to_fine(pixels);
+            *c = TrainConfig::for_iterations(steps).for_dataset(dataset);
         }));
     }
     for share in [2, 4] {
@@ -252,7 +252,7 @@ mod tests {
                     assert!(setting.sh_degree <= sh_degree);
                 }
             }
-            let runs = of_runs(&plan, 1e6, 1000);
+            let runs = of_runs(&plan, &Dataset::default(), 1000);
             assert!(runs.iter().all(|(_, config)| config.validate().is_ok()));
         }
     }

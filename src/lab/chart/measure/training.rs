@@ -41,13 +41,12 @@ pub(super) fn measure(
         };
         (0..plan.seeds.max(1)).map(seed).collect()
     };
-    let pixels = dataset.mean_pixels();
-    let default = settings::default_run(plan, pixels);
+    let default = settings::default_run(plan, dataset);
     let runs = seeds(&default)?;
     let usual: Vec<f64> = runs.iter().map(TrainingRun::psnr_db).collect();
     let mut points = vec![point(&default, &runs, &usual)];
     let splats = runs.into_iter().next().map(|run| run.splats).unwrap_or_default();
-    for setting in settings::of_runs(plan, pixels, splats.len() as u32) {
+    for setting in settings::of_runs(plan, dataset, splats.len() as u32) {
         points.push(point(&setting, &seeds(&setting)?, &usual));
     }
     Ok((points, splats))
