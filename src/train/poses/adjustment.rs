@@ -19,12 +19,17 @@ const VIEWS_ENOUGH: usize = 12;
 /// Most drawings of a view whose pose is searched alone.
 const RESECTIONS_MAX: usize = 6;
 
-/// Views of a data set, and how a scene is drawn in them.
-pub(crate) struct PoseAdjustment<'a> {
-    pub(crate) dataset: &'a Dataset,
-    pub(crate) views: &'a [usize],
-    pub(crate) extent: f64,
-    pub(crate) options: ViewOptions,
+/// Views of a data set whose poses are moved to fit a scene to their photographs.
+#[derive(Clone, Copy, Debug)]
+pub struct PoseAdjustment<'a> {
+    /// The data set.
+    pub dataset: &'a Dataset,
+    /// Indices of the views.
+    pub views: &'a [usize],
+    /// Scene extent, world units.
+    pub extent: f64,
+    /// Background, near plane and filter.
+    pub options: ViewOptions,
 }
 
 impl PoseAdjustment<'_> {
@@ -64,7 +69,14 @@ impl PoseAdjustment<'_> {
     }
 
     /// Camera of each view that fits its photograph to the scene, which is held; the given one where none fits better.
-    pub(crate) fn resect(&self, gpu: &Gpu, model: &Model, mut progress: impl FnMut()) -> Result<Vec<Camera>> {
+    ///
+    /// Windows of the view's rendering are matched with the photograph, and the motion that explains their
+    /// displacements is taken, up to five times, while the mean squared error falls. `progress` is called for each
+    /// view.
+    ///
+    /// # Errors
+    /// Those of a photograph that cannot be read, and of the device.
+    pub fn resect(&self, gpu: &Gpu, model: &Model, mut progress: impl FnMut()) -> Result<Vec<Camera>> {
         let mut renderer = surface_renderer(gpu, model)?;
         let places = 0..self.views.len();
         let cameras: Result<Vec<Camera>> = places

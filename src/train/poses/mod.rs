@@ -14,6 +14,6 @@ mod resection;
 mod tracks;
 mod windows;
 
-pub(crate) use adjustment::PoseAdjustment;
+pub use adjustment::PoseAdjustment;
 pub(super) use adjustment::drawn_size;
 pub use refinement::{PoseState, RefinedPoses, photo_name};
