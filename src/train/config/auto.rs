@@ -3,7 +3,6 @@
 //! A "round" is a comparison of the same steps with and without some splats.
 
 use super::constants::constants;
-use super::few_views::few_views_weight;
 
 constants! {
     /// Constants of a run that chooses its splat count.
@@ -44,7 +43,10 @@ impl AutoConfig {
 
     /// Weight of the measures against overfitting, for points that so many training views see.
     pub fn overfitting_weight(&self, views_per_point: f64) -> f64 {
-        few_views_weight(views_per_point, self.few_views)
+        match self.few_views > 0.0 {
+            true => (2.0 - views_per_point / self.few_views).clamp(0.0, 1.0),
+            false => 0.0,
+        }
     }
 
     /// Iteration up to which photographs have half their width and height.

@@ -6,12 +6,13 @@ use crate::scene::Dataset;
 /// Dropout against overfitting, as the share of the splats left out at the end of the run.
 pub(super) const DROP_RATE: f32 = 0.2;
 
-/// Weight of MCMC's penalties beside it: without them dropout gains less SSIM on most scenes, in full they cost decibels.
+/// Weight of MCMC's penalties beside it: without them dropout gains less SSIM on most scenes, in full they cost
+/// decibels on some.
 const REGULARIZATION: f32 = 0.3;
 
-/// Training images of a point, the median over points, up to which the measures act in full; from twice that number on
-/// they do not act.
-const VIEWS: f64 = 6.0;
+/// Training images of a point, the median over points, up to which the measures act in full, and from which on they do
+/// not act.
+const VIEWS: [f64; 2] = [8.0, 12.0];
 
 impl TrainConfig {
     /// The same run for the photographs of a data set: coarse to fine where they are large
@@ -26,18 +27,10 @@ impl TrainConfig {
     /// and weak penalties of opacity and scale. Splats otherwise fit each photograph by itself, and views between them
     /// suffer.
     pub fn for_few_views(mut self, views_per_point: f64) -> TrainConfig {
-        let weight = few_views_weight(views_per_point, VIEWS) as f32;
+        let weight = ((VIEWS[1] - views_per_point) / (VIEWS[1] - VIEWS[0])).clamp(0.0, 1.0) as f32;
         self.drop_rate = DROP_RATE * weight;
         self.regularization = REGULARIZATION * weight;
         self
-    }
-}
-
-/// 1 up to `few` views, falling to 0 at twice that number.
-pub(super) fn few_views_weight(views: f64, few: f64) -> f64 {
-    match few > 0.0 {
-        true => (2.0 - views / few).clamp(0.0, 1.0),
-        false => 0.0,
     }
 }
 
@@ -46,13 +39,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn measures_end_at_twice_the_number_of_few_views() {
+    fn measures_fade_as_views_become_many() {
         let of = |views: f64| {
             let config = TrainConfig::for_iterations(1_000).for_few_views(views);
             assert!(config.validate().is_ok());
             [config.drop_rate, config.regularization]
         };
         let [none, half, full] = [[0.0; 2], [0.1, 0.15], [0.2, 0.3]];
-        assert_eq!([0.0, 6.0, 9.0, 12.0, 300.0].map(of), [full, full, half, none, none]);
+        assert_eq!([0.0, 8.0, 10.0, 12.0, 300.0].map(of), [full, full, half, none, none]);
     }
 }
