@@ -10,7 +10,7 @@ const ENDS: [&str; 6] = ["ply", "compressed.ply", "splat", "spz", "sog", "glb"];
 fn every_format_is_written_and_read() {
     let folder = folder();
     let out = folder.path().join("run");
-    stdout(&train(word(data()), word(&out), &[]));
+    stdout(&train(word(data()), word(&out), &["--set", "drop_rate=0"]));
     let scene = out.join("scene.ply");
     let source = json(&stdout(&["info", word(&scene), "--json"]));
     for end in ENDS {
