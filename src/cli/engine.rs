@@ -82,12 +82,21 @@ pub(super) fn renderer_with(
 
 /// Evaluator of some of a data set's views.
 pub(super) fn evaluator<'d>(gpu: &Gpu, dataset: &'d Dataset, views: &[usize], background: [f32; 3]) -> Evaluator<'d> {
-    let options = ViewOptions {
+    Evaluator::new(
+        gpu,
+        dataset,
+        views,
+        view_options(dataset, background, ScreenFilter::Classic),
+    )
+}
+
+/// Drawing of a data set's views as in training.
+pub(super) fn view_options(dataset: &Dataset, background: [f32; 3], filter: ScreenFilter) -> ViewOptions {
+    ViewOptions {
         background,
         near: near(dataset) as f32,
-        filter: ScreenFilter::Classic,
-    };
-    Evaluator::new(gpu, dataset, views, options)
+        filter,
+    }
 }
 
 /// The near plane of a data set's views in world units, as in training.

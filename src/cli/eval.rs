@@ -15,7 +15,7 @@ use crate::gpu::Gpu;
 use crate::io::splats::readable;
 use crate::lab::report::comparison;
 use crate::metrics::{CorrectedScore, CorrectedScores, MeanScore, ViewScore};
-use crate::render::{ViewEvaluation, ViewOptions};
+use crate::render::ViewEvaluation;
 use crate::scene::{Dataset, Splats};
 use crate::{Error, Result};
 use clap::Args;
@@ -170,11 +170,7 @@ fn against(
     // `--axes` is for the scene; the original states its own.
     let original = SceneArgs::default().read(reference)?.splats;
     let cameras = views.iter().map(|&i| dataset.views[i].camera).collect();
-    let options = ViewOptions {
-        background: args.background,
-        near: engine::near(dataset) as f32,
-        filter: original.filter,
-    };
+    let options = engine::view_options(dataset, args.background, original.filter);
     let error = Pictures::new(gpu, &original, cameras, options, None)?.error(splats)?;
     engine::check(gpu)?;
     let (psnr_db, ssim, largest) = (error.psnr_db(), error.ssim, error.largest);

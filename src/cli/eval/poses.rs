@@ -6,7 +6,7 @@ use crate::cli::cameras::{CameraPairs, similarity_value};
 use crate::cli::engine;
 use crate::cli::output::Output;
 use crate::gpu::Gpu;
-use crate::render::{Model, ViewOptions};
+use crate::render::Model;
 use crate::scene::{Camera, Dataset, PoseDifference, Similarity, Splats};
 use crate::train::poses::PoseAdjustment;
 use serde_json::{Value, json};
@@ -60,11 +60,7 @@ impl CameraMoves {
             dataset,
             views,
             extent,
-            options: ViewOptions {
-                background: args.background,
-                near: engine::near(dataset) as f32,
-                filter: splats.filter,
-            },
+            options: engine::view_options(dataset, args.background, splats.filter),
         };
         let bar = Output { json: args.json }.bar(views.len() as u64, "views aligned");
         let cameras = adjustment.resect(gpu, &Model::upload(gpu, splats)?, || bar.inc(1))?;

@@ -10,6 +10,7 @@ const ENDS: [&str; 6] = ["ply", "compressed.ply", "splat", "spz", "sog", "glb"];
 fn every_format_is_written_and_read() {
     let folder = folder();
     let out = folder.path().join("run");
+    // With dropout, spz with cameras is 1 dB below plain rounding at 50 dB on this scene.
     stdout(&train(word(data()), word(&out), &["--set", "drop_rate=0"]));
     let scene = out.join("scene.ply");
     let source = json(&stdout(&["info", word(&scene), "--json"]));
