@@ -23,7 +23,9 @@ mod spirv;
 mod types;
 
 use kernel::Kernel;
+use std::panic::resume_unwind;
 use std::path::Path;
+use std::thread;
 
 /// Compiles every `*.comp` in `glsl` and writes `layout.rs`, `kernels.rs` and the modules into `out`.
 ///
@@ -38,8 +40,8 @@ pub(crate) fn generate(glsl: &Path, out: &Path) -> Result<(), Vec<String>> {
     }
     let mut kernels = Vec::new();
     let mut faults = Vec::new();
-    for (name, variants) in kernel::group(files)? {
-        match Kernel::build(glsl, &name, &variants) {
+    for built in build_all(glsl, &kernel::group(files)?) {
+        match built {
             Ok(kernel) => kernels.push(kernel),
             Err(more) => faults.extend(more),
         }
@@ -60,6 +62,16 @@ pub(crate) fn generate(glsl: &Path, out: &Path) -> Result<(), Vec<String>> {
     }
     write("layout.rs", layout.as_bytes())?;
     write("kernels.rs", emit_kernels::kernels(&kernels).as_bytes())
+}
+
+/// Builds each kernel in a thread of its own: the crate waits for them.
+fn build_all(glsl: &Path, names: &[(String, Vec<String>)]) -> Vec<Result<Kernel, Vec<String>>> {
+    thread::scope(|scope| {
+        let build = |(name, variants): &(String, Vec<String>)| Kernel::build(glsl, name, variants);
+        let threads: Vec<_> = names.iter().map(|name| scope.spawn(move || build(name))).collect();
+        let join = |thread: thread::ScopedJoinHandle<'_, _>| thread.join().unwrap_or_else(|panic| resume_unwind(panic));
+        threads.into_iter().map(join).collect()
+    })
 }
 
 fn layout(glsl: &Path, kernels: &[Kernel], faults: &mut Vec<String>) -> Result<String, Vec<String>> {

@@ -7,7 +7,6 @@ use super::slot::{Slot, SlotKind};
 use crate::Result;
 use ash::vk;
 use std::collections::HashMap;
-use std::sync::{Arc, Weak};
 
 const SETS_PER_POOL: u32 = 128;
 const BUFFERS_PER_POOL: u32 = 1024;
@@ -23,13 +22,13 @@ pub(super) struct Arena {
     pools: Vec<vk::DescriptorPool>,
     /// Index of the pool in use.
     current: usize,
-    /// Sets of each pipeline, by its address, which is not used again while there is a `Weak`.
-    sets: HashMap<usize, Sets>,
+    /// Sets of each pipeline, which the device keeps.
+    sets: HashMap<vk::Pipeline, Sets>,
 }
 
 /// Sets with one pipeline's layout.
+#[derive(Default)]
 struct Sets {
-    pipeline: Weak<RawPipeline>,
     sets: Vec<vk::DescriptorSet>,
     /// Sets in use by the frame.
     used: usize,
@@ -45,22 +44,9 @@ impl Arena {
         }
     }
 
-    /// Frees all sets for the next frame; none may be in use. Sets of destroyed pipelines are given back, with all
-    /// others.
-    pub(super) fn reset(&mut self) -> Result<()> {
-        if self.sets.values().all(|sets| sets.pipeline.strong_count() > 0) {
-            self.sets.values_mut().for_each(|sets| sets.used = 0);
-            return Ok(());
-        }
-        self.sets.clear();
-        for &pool in &self.pools {
-            let flags = vk::DescriptorPoolResetFlags::empty();
-            // SAFETY: the frame that used the sets has finished.
-            let reset = unsafe { self.gpu.0.device.reset_descriptor_pool(pool, flags) };
-            check("vkResetDescriptorPool", reset)?;
-        }
-        self.current = 0;
-        Ok(())
+    /// Frees all sets for the next frame; none may be in use.
+    pub(super) fn reset(&mut self) {
+        self.sets.values_mut().for_each(|sets| sets.used = 0);
     }
 
     fn grow(&mut self) -> Result<()> {
@@ -107,18 +93,14 @@ impl Arena {
     }
 
     /// Set of one dispatch, bound to `slots`.
-    pub(super) fn set(&mut self, pipeline: &Arc<RawPipeline>, slots: &[Slot<'_>]) -> Result<vk::DescriptorSet> {
-        let id = Arc::as_ptr(pipeline).addr();
+    pub(super) fn set(&mut self, pipeline: &RawPipeline, slots: &[Slot<'_>]) -> Result<vk::DescriptorSet> {
+        let id = pipeline.kernel.pipeline;
         let known = self.sets.get(&id).and_then(|sets| sets.sets.get(sets.used)).copied();
         let set = match known {
             Some(set) => set,
-            None => self.allocate(pipeline.set_layout)?,
+            None => self.allocate(pipeline.kernel.set_layout)?,
         };
-        let sets = self.sets.entry(id).or_insert_with(|| Sets {
-            pipeline: Arc::downgrade(pipeline),
-            sets: Vec::new(),
-            used: 0,
-        });
+        let sets = self.sets.entry(id).or_default();
         if known.is_none() {
             sets.sets.push(set);
         }

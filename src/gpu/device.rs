@@ -2,6 +2,7 @@
 
 use super::caps::Caps;
 use super::check::check;
+use super::compiled::CompiledKernels;
 use super::debug::Messages;
 use super::faults::Faults;
 use super::memory::{MemoryTracker, MemoryUse};
@@ -11,10 +12,8 @@ use crate::{Error, Result};
 use ash::vk;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc};
 use gpu_allocator::{AllocationSizes, MemoryLocation};
-use std::any::Any;
-use std::collections::HashMap;
 use std::mem::ManuallyDrop;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A Vulkan device. Clones are cheap and share it; it is destroyed with the last clone and the last buffer.
 #[derive(Clone)]
@@ -44,9 +43,6 @@ impl Drop for Own {
 /// The allocator, owned or the host's.
 pub(super) type SharedAllocator = Arc<Mutex<Allocator>>;
 
-/// Pipelines in use, by module and specialisation constants; of any type, so that a device does not depend on theirs.
-pub(super) type PipelineCache = HashMap<(usize, Vec<u32>), Weak<dyn Any + Send + Sync>>;
-
 pub(super) struct GpuState {
     pub(super) device: ash::Device,
     pub(super) caps: Caps,
@@ -66,7 +62,7 @@ pub(super) struct GpuState {
     faults: Option<Faults>,
     memory_limit: u64,
     tracker: Mutex<MemoryTracker>,
-    pipelines: Mutex<PipelineCache>,
+    kernels: Mutex<CompiledKernels>,
 }
 
 /// Bytes of the blocks shared by small buffers; larger buffers have dedicated blocks, freed with them. The allocator's
@@ -203,7 +199,7 @@ impl Parts {
             poison: options.validation,
             faults: options.faults.clone(),
             tracker: Mutex::default(),
-            pipelines: Mutex::default(),
+            kernels: Mutex::default(),
         };
         match is_own {
             true => state.with_pipeline_cache(&options.pipeline_cache),
@@ -288,8 +284,8 @@ impl GpuState {
         shared.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub(super) fn pipelines(&self) -> MutexGuard<'_, PipelineCache> {
-        self.pipelines.lock().unwrap_or_else(PoisonError::into_inner)
+    pub(super) fn kernels(&self) -> MutexGuard<'_, CompiledKernels> {
+        self.kernels.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn tracker(&self) -> MutexGuard<'_, MemoryTracker> {
@@ -358,6 +354,10 @@ impl GpuState {
 
 impl Drop for GpuState {
     fn drop(&mut self) {
+        for (_, kernel) in self.kernels().drain() {
+            // SAFETY: every pipeline and every frame holds the `Gpu`, so none is left.
+            unsafe { kernel.destroy(&self.device) };
+        }
         // SAFETY: dropped once, here, before the device that its memory belongs to.
         unsafe { ManuallyDrop::drop(&mut self.allocator) };
         if self.own.is_some() {

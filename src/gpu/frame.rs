@@ -115,7 +115,7 @@ impl Frames {
         let gpu = self.gpu.clone();
         let slot = &mut self.slots[index];
         // Photographs are staged again and again.
-        slot.reset(u64::MAX)?;
+        slot.reset(u64::MAX);
         let device = &gpu.0.device;
         let flags = vk::CommandPoolResetFlags::empty();
         // SAFETY: the slot's last submission is done.
@@ -152,7 +152,7 @@ impl Frames {
             host.begin(self.ring(), frame);
             self.begun += 1;
             // An upload of a host's happens once.
-            self.slots[index].reset(STAGING_BYTES as u64)?;
+            self.slots[index].reset(STAGING_BYTES as u64);
         }
         let slot = &mut self.slots[index];
         match &mut slot.timestamps {
@@ -196,13 +196,20 @@ impl Frames {
         let result = record(&mut recorder);
         recorder.host_barrier();
         let (commands, failed) = (recorder.commands, recorder.failed.take());
-        let device = &self.gpu.0.device;
-        // SAFETY: recording began in `begin`.
-        check("vkEndCommandBuffer", unsafe { device.end_command_buffer(commands) })?;
+        self.end(commands)?;
         let result = result?;
-        if let Some(error) = failed {
-            return Err(error);
-        }
+        failed.map_or(Ok(()), Err)?;
+        Ok((self.queue(commands)?, result))
+    }
+
+    fn end(&self, commands: vk::CommandBuffer) -> Result<()> {
+        // SAFETY: recording began in `begin`.
+        check("vkEndCommandBuffer", unsafe {
+            self.gpu.0.device.end_command_buffer(commands)
+        })
+    }
+
+    fn queue(&mut self, commands: vk::CommandBuffer) -> Result<Ticket> {
         let value = self.submitted + 1;
         let buffers = [vk::CommandBufferSubmitInfo::default().command_buffer(commands)];
         let signals = [vk::SemaphoreSubmitInfo::default()
@@ -216,13 +223,13 @@ impl Frames {
         self.gpu.0.submitting()?;
         // SAFETY: the queue is locked, the commands are complete, and their resources are kept.
         check("vkQueueSubmit2", unsafe {
-            device.queue_submit2(*queue, &submits, vk::Fence::null())
+            self.gpu.0.device.queue_submit2(*queue, &submits, vk::Fence::null())
         })?;
         drop(queue);
         self.submitted = value;
         let last = self.index(self.begun - 1);
         self.slots[last].value = value;
-        Ok((Ticket(value), result))
+        Ok(Ticket(value))
     }
 
     /// Waits for a submission.
@@ -243,7 +250,8 @@ impl Frames {
     /// Waits for all submissions and releases their resources at once, not only when the slots are reused.
     pub fn release(&mut self) -> Result<()> {
         self.wait(Ticket(self.submitted))?;
-        self.slots.iter_mut().try_for_each(|slot| slot.reset(u64::MAX))
+        self.slots.iter_mut().for_each(|slot| slot.reset(u64::MAX));
+        Ok(())
     }
 
     /// True if a submission is done.

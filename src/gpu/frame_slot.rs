@@ -105,11 +105,11 @@ impl FrameSlot {
     }
 
     /// Frees everything for the next frame; keeps no staging chunk of more than `most` bytes.
-    pub(super) fn reset(&mut self, most: u64) -> Result<()> {
+    pub(super) fn reset(&mut self, most: u64) {
         self.kept.clear();
         self.kept_ids.clear();
         self.staging.reset(most);
         self.reading.reset(u64::MAX);
-        self.arena.reset()
+        self.arena.reset();
     }
 }

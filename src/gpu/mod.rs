@@ -16,6 +16,7 @@
 mod buffer;
 mod caps;
 mod check;
+mod compiled;
 mod create;
 mod debug;
 mod descriptors;

@@ -1,25 +1,25 @@
 //! Compute pipeline of a kernel with one set of specialisation constants.
 
 use super::check::check;
+use super::compiled::CompiledKernel;
 use super::device::Gpu;
 use crate::shader::{BindingKind, KernelInfo};
 use crate::{Error, Result};
 use ash::vk;
-use std::ffi::CString;
-use std::sync::{Arc, Weak};
+use std::collections::hash_map::Entry;
+use std::ffi::{CStr, CString};
+use std::sync::Arc;
 
 pub(super) struct RawPipeline {
-    gpu: Gpu,
+    /// Keeps `kernel`.
+    _gpu: Gpu,
     pub(super) info: &'static KernelInfo,
-    pub(super) set_layout: vk::DescriptorSetLayout,
-    pub(super) layout: vk::PipelineLayout,
-    pub(super) handle: vk::Pipeline,
+    pub(super) kernel: CompiledKernel,
     /// Name of kernel and variant.
     pub(super) label: CString,
 }
 
-/// Compute pipeline of a kernel. Clones share it, and [`Pipeline::new`] returns an equal one that is still alive, since
-/// compilation can take longer than a frame.
+/// Compute pipeline of a kernel. The device compiles each one once and keeps it.
 #[derive(Clone)]
 pub struct Pipeline(pub(super) Arc<RawPipeline>);
 
@@ -52,31 +52,53 @@ impl Pipeline {
                 "workgroups of {invocations}; this device has them up to {most}"
             )));
         }
+        let label = label(info);
         let key = (info.spirv.as_ptr() as usize, spec.to_vec());
-        let known = gpu.0.pipelines().get(&key).and_then(Weak::upgrade);
-        if let Some(Ok(raw)) = known.map(Arc::downcast) {
-            return Ok(Pipeline(raw));
-        }
-        let mut raw = RawPipeline {
-            gpu: gpu.clone(),
-            info,
-            set_layout: vk::DescriptorSetLayout::null(),
-            layout: vk::PipelineLayout::null(),
-            handle: vk::Pipeline::null(),
-            label: label(info),
+        let known = gpu.0.kernels().get(&key).copied();
+        let kernel = match known {
+            Some(kernel) => kernel,
+            None => keep(gpu, key, compile(gpu, info, spec, &label)?),
         };
-        raw.create_layouts()?;
-        raw.create_pipeline(spec)?;
-        let raw = Arc::new(raw);
-        let mut pipelines = gpu.0.pipelines();
-        pipelines.retain(|_, pipeline| pipeline.strong_count() > 0);
-        let weak = Arc::downgrade(&raw);
-        pipelines.insert(key, weak);
-        Ok(Pipeline(raw))
+        Ok(Pipeline(Arc::new(RawPipeline {
+            _gpu: gpu.clone(),
+            info,
+            kernel,
+            label,
+        })))
     }
 }
 
-impl RawPipeline {
+/// Gives a kernel to the device, which may have got it from another thread meanwhile.
+fn keep(gpu: &Gpu, key: (usize, Vec<u32>), kernel: CompiledKernel) -> CompiledKernel {
+    match gpu.0.kernels().entry(key) {
+        Entry::Vacant(entry) => *entry.insert(kernel),
+        Entry::Occupied(entry) => {
+            // SAFETY: it was made here and never used.
+            unsafe { kernel.destroy(&gpu.0.device) };
+            *entry.get()
+        }
+    }
+}
+
+fn compile(gpu: &Gpu, info: &'static KernelInfo, spec: &[u32], label: &CStr) -> Result<CompiledKernel> {
+    let kernel = CompiledKernel::default();
+    let mut compilation = Compilation { gpu, info, kernel };
+    let made = compilation.create_layouts();
+    let made = made.and_then(|()| compilation.create_pipeline(spec, label));
+    if made.is_err() {
+        // SAFETY: the objects were made here and never used.
+        unsafe { compilation.kernel.destroy(&gpu.0.device) };
+    }
+    made.map(|()| compilation.kernel)
+}
+
+struct Compilation<'a> {
+    gpu: &'a Gpu,
+    info: &'static KernelInfo,
+    kernel: CompiledKernel,
+}
+
+impl Compilation<'_> {
     fn create_layouts(&mut self) -> Result<()> {
         let device = &self.gpu.0.device;
         let bindings: Vec<_> = self
@@ -95,8 +117,8 @@ impl RawPipeline {
         self.gpu.0.creating("vkCreateDescriptorSetLayout")?;
         // SAFETY: the bindings come from the module's reflection.
         let layout = unsafe { device.create_descriptor_set_layout(&info, None) };
-        self.set_layout = check("vkCreateDescriptorSetLayout", layout)?;
-        let sets = [self.set_layout];
+        self.kernel.set_layout = check("vkCreateDescriptorSetLayout", layout)?;
+        let sets = [self.kernel.set_layout];
         let ranges = [vk::PushConstantRange::default()
             .stage_flags(vk::ShaderStageFlags::COMPUTE)
             .size(self.info.params_size)];
@@ -106,13 +128,13 @@ impl RawPipeline {
         }
         self.gpu.0.creating("vkCreatePipelineLayout")?;
         // SAFETY: the set layout was just made; the range is within the guaranteed 128 bytes.
-        self.layout = check("vkCreatePipelineLayout", unsafe {
+        self.kernel.layout = check("vkCreatePipelineLayout", unsafe {
             device.create_pipeline_layout(&info, None)
         })?;
         Ok(())
     }
 
-    fn create_pipeline(&mut self, spec: &[u32]) -> Result<()> {
+    fn create_pipeline(&mut self, spec: &[u32], label: &CStr) -> Result<()> {
         let device = &self.gpu.0.device;
         let entries: Vec<_> = self
             .info
@@ -149,7 +171,7 @@ impl RawPipeline {
         }
         let info = vk::ComputePipelineCreateInfo::default()
             .stage(stage)
-            .layout(self.layout);
+            .layout(self.kernel.layout);
         let call = "vkCreateComputePipelines";
         let made = self.gpu.0.creating(call).and_then(|()| {
             let cache = self.gpu.0.pipeline_cache;
@@ -159,9 +181,9 @@ impl RawPipeline {
         });
         // SAFETY: a pipeline does not need its module once made.
         unsafe { device.destroy_shader_module(module, None) };
-        self.handle = made?[0];
-        let name = self.label.to_string_lossy();
-        self.gpu.0.names.name(self.handle, &name);
+        self.kernel.pipeline = made?[0];
+        let name = label.to_string_lossy();
+        self.gpu.0.names.name(self.kernel.pipeline, &name);
         Ok(())
     }
 }
@@ -174,18 +196,6 @@ fn label(info: &KernelInfo) -> CString {
     };
     // File names have no zero in them.
     CString::new(name).unwrap_or_default()
-}
-
-impl Drop for RawPipeline {
-    fn drop(&mut self) {
-        let device = &self.gpu.0.device;
-        // SAFETY: frames that use a pipeline hold it; null handles are ignored.
-        unsafe {
-            device.destroy_pipeline(self.handle, None);
-            device.destroy_pipeline_layout(self.layout, None);
-            device.destroy_descriptor_set_layout(self.set_layout, None);
-        }
-    }
 }
 
 pub(super) fn descriptor_type(kind: BindingKind) -> vk::DescriptorType {

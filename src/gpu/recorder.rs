@@ -156,11 +156,10 @@ impl<'a> Recorder<'a> {
             _ => None,
         };
         self.order_accesses(&accesses[..slots.len()], arguments.as_slice());
-        let set = match self.slot.arena.set(&pipeline.0, slots) {
+        let set = match self.slot.arena.set(raw, slots) {
             Ok(set) => set,
             Err(error) => return self.fail(error),
         };
-        self.slot.keep(pipeline.0.clone());
         for slot in slots {
             match slot.kind {
                 SlotKind::Buffer { raw, .. } => self.slot.keep(raw.clone()),
@@ -171,13 +170,13 @@ impl<'a> Recorder<'a> {
         let point = vk::PipelineBindPoint::COMPUTE;
         // SAFETY: pipeline, layout and set are alive until the frame is done, and belong together.
         unsafe {
-            device.cmd_bind_pipeline(self.commands, point, raw.handle);
-            device.cmd_bind_descriptor_sets(self.commands, point, raw.layout, 0, &[set], &[]);
+            device.cmd_bind_pipeline(self.commands, point, raw.kernel.pipeline);
+            device.cmd_bind_descriptor_sets(self.commands, point, raw.kernel.layout, 0, &[set], &[]);
         }
         if !push.is_empty() {
             let stage = vk::ShaderStageFlags::COMPUTE;
             // SAFETY: the layout has a range of this size (generated from the same reflection).
-            unsafe { device.cmd_push_constants(self.commands, raw.layout, stage, 0, push) };
+            unsafe { device.cmd_push_constants(self.commands, raw.kernel.layout, stage, 0, push) };
         }
         self.gpu.0.names.begin(self.commands, &raw.label);
         self.dispatch_groups(groups);
