@@ -64,7 +64,7 @@ pub(crate) fn generate(glsl: &Path, out: &Path) -> Result<(), Vec<String>> {
     write("kernels.rs", emit_kernels::kernels(&kernels).as_bytes())
 }
 
-/// Builds each kernel in a thread of its own: the crate waits for them.
+/// Builds each kernel in a thread of its own, since cargo compiles the crate only after all of them.
 fn build_all(glsl: &Path, names: &[(String, Vec<String>)]) -> Vec<Result<Kernel, Vec<String>>> {
     thread::scope(|scope| {
         let build = |(name, variants): &(String, Vec<String>)| Kernel::build(glsl, name, variants);

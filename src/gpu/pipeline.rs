@@ -19,7 +19,8 @@ pub(super) struct RawPipeline {
     pub(super) label: CString,
 }
 
-/// Compute pipeline of a kernel. The device compiles each one once and keeps it.
+/// Compute pipeline of a kernel. The device compiles it once for each set of specialisation constants and keeps all of
+/// them until it is dropped.
 #[derive(Clone)]
 pub struct Pipeline(pub(super) Arc<RawPipeline>);
 
