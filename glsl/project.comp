@@ -194,7 +194,7 @@ uint project(uint slot, uint splat) {
     if (SURFEL != 0) {
         along = dot(axes[2], offset);
         f = surfel_footprint(view, v_x, v_y, s.scale, mean_view.z, along);
-        plane = surfel_plane(view, view.view_from_world * axes[2], mean_view.z, along, f);
+        plane = surfel_plane(view, view.view_from_world * axes[2], mean_view.z, along);
     }
     bool shaped = is_finite(f.a) && is_finite(f.det) && f.det > 0.0;
     vec2 whiten = WHITEN * whitening(f);
@@ -232,7 +232,7 @@ uint project(uint slot, uint splat) {
     if (SURFEL != 0) {
         plane_from_splat[splat] = plane;
     } else if (WITH_PLANES != 0) {
-        plane_from_splat[splat] = plane_of(view, axes, s.scale, offset, mean_view.z, f);
+        plane_from_splat[splat] = plane_of(view, axes, s.scale, offset, mean_view.z);
     }
 
     return tiles_of(shape, whiten, plane, mean_view.z);

@@ -170,17 +170,18 @@ void compensation_backward(Footprint f, float d_log_opacity, inout vec3 d_v_x, i
 
 // Completes the gradient of a surfel's footprint, and finds that by its tilt and normal. A surfel that is only a spot
 // has none but that of its place.
-FootprintGradient surfel_backward(uint splat, vec3 mean_view, vec3 normal_world, float along, SurfelSums more,
-                                  vec3 d_normal, FootprintGradient d, out TiltGradient tilt) {
+FootprintGradient surfel_backward(uint splat, vec3 mean_view, vec3 normal_world, float along, Footprint f,
+                                  SurfelSums more, vec3 d_normal, FootprintGradient d, out TiltGradient tilt) {
     tilt = TiltGradient(vec3(0.0), vec3(0.0));
     if (whiten_rg_from_splat[splat].x == SPOT_WHITEN) {
         return FootprintGradient(2.0 * more.spot, vec3(0.0), vec3(0.0));
     }
     vec3 normal = view.view_from_world * normal_world;
     vec2 slant = mean_view.z / along * normal.xy / view.focal;
-    tilt = tilt_backward(view, normal, mean_view, along, more.tilt.yz);
+    vec2 d_slant = filter_backward(view, f, slant, more.tilt.yz, d);
+    tilt = tilt_backward(view, normal, mean_view, along, d_slant);
     if (WITH_SURFACE != 0) tilt.normal += toward_backward(normal, along, d_normal);
-    d.mean_pixel += 2.0 * more.spot - slant * more.tilt.x;
+    d.mean_pixel += 2.0 * more.spot - filtered_tilt(view, f, slant) * more.tilt.x;
     return d;
 }
 
@@ -206,12 +207,11 @@ vec2 visible_backward(uint slot, uint splat, vec3 scale, Sums records, SurfelSum
     gradient.opacity_logit += records.shape.x * sigmoid(-mean.w);
     FootprintGradient d = footprint_backward(f, records);
     TiltGradient tilt = TiltGradient(vec3(0.0), vec3(0.0));
-    PlaneGradient plane = PlaneGradient(mat3(0.0), vec3(0.0), vec3(0.0), vec3(0.0), vec2(0.0));
+    PlaneGradient plane = PlaneGradient(mat3(0.0), vec3(0.0), vec3(0.0), vec3(0.0));
     if (SURFEL != 0) {
-        d = surfel_backward(splat, mean_view, axes[2], along, more, by_surface.yzw, d, tilt);
+        d = surfel_backward(splat, mean_view, axes[2], along, f, more, by_surface.yzw, d, tilt);
     } else if (WITH_SURFACE != 0) {
-        plane = plane_backward(view, axes, s.scale, offset, mean_view, more.tilt, by_surface.yzw);
-        d.mean_pixel += plane.mean_pixel;
+        plane = plane_backward(view, axes, s.scale, offset, mean_view, f, more.tilt, by_surface.yzw, d);
     }
     if (view.compensate != 0) compensation_backward(f, records.shape.x, d.v_x, d.v_y);
     // Smoothed variances are s^2 + sigma^2, and ln(opacity) contains half of ln(s^2 / (s^2 + sigma^2)) per axis.

@@ -87,12 +87,13 @@ void blend(Tile t, uint isect, Staged splat, vec3 plane) {
     PlaneColumn plane_column;
     vec3 normal;
     if (WITH_SURFACE != 0) {
-        plane_column = plane_column_of(t, plane, splat.shape.xy, splat.rest.y);
+        plane_column = plane_column_of(t, splat.shape, splat.tone.xy, plane, splat.rest.y);
+        if (SURFEL != 0) plane_column.range = surfel_range(splat.shape, splat.tone.xy, plane);
         normal = normal_of(plane, splat.shape.xy, lens);
     }
     SurfelColumn surfel;
     Hits hits;
-    if (SURFEL != 0) surfel = surfel_column_of(t, splat.shape, plane, depth_of(splat.rest), view);
+    if (SURFEL != 0) surfel = surfel_column_of(t, splat.shape, splat.tone.xy, plane, depth_of(splat.rest), view);
     [[unroll]] for (uint q = 0; q < QUADS; ++q) {
         vec4 f;
         vec4 exponent = exponent_of(column, q, f);

@@ -176,9 +176,11 @@ Sums take_off_staged(Tile t, uint isect, uint lane, out SurfelSums more, out vec
     Walked walked;
     vec3 plane;
     if (TILTED) plane = staged_plane_by(lane);
-    if (SURFEL != 0) walked.surfel = surfel_column_of(t, splat.shape, plane, depth_of(splat.rest), view);
+    vec2 whiten = splat.tone.xy;
+    if (SURFEL != 0) walked.surfel = surfel_column_of(t, splat.shape, whiten, plane, depth_of(splat.rest), view);
     if (WITH_SURFACE != 0) {
-        walked.plane = plane_column_of(t, plane, splat.shape.xy, depth_of(splat.rest));
+        walked.plane = plane_column_of(t, splat.shape, whiten, plane, depth_of(splat.rest));
+        if (SURFEL != 0) walked.plane.range = surfel_range(splat.shape, whiten, plane);
         walked.normal = normal_of(plane, splat.shape.xy, lens);
     }
     walked.column = column_of(t, splat.shape, splat.tone);

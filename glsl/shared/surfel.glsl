@@ -4,9 +4,9 @@
 // the ellipse of `primitive.glsl` in perspective, exactly.
 //
 // Without the mip filter a surfel counts at least as a spot of half a squared pixel about its mean (2DGS, section 4.2);
-// with it, the ellipse is dilated.
+// with it, the ellipse is dilated, and the tilt is that under the filter.
 //
-// Needs `plane.glsl`; a plane of a surfel holds its tilt, and as range that of its depth over z0.
+// Needs `plane.glsl`.
 
 // Cosine between line of sight and normal below which a surfel is edge-on: there, rounding is as large as its shape.
 const float EDGE_COSINE = 1e-3;
@@ -33,10 +33,9 @@ Footprint surfel_footprint(View view, vec3 v_x, vec3 v_y, vec3 scale, float dept
     return f;
 }
 
-// Tilt and range of depth of a surfel with its normal in the view; `along` is normal . mean.
-vec3 surfel_plane(View view, vec3 normal, float depth, float along, Footprint f) {
-    vec2 tilt = depth / along * normal.xy / view.focal;
-    return vec3(tilt, SURFEL_RADIUS * length(tilt.x * f.v_x + tilt.y * f.v_y));
+// Plane of a surfel with its normal in the view; `along` is normal . mean.
+vec3 surfel_plane(View view, vec3 normal, float depth, float along) {
+    return vec3(depth / along * normal.xy / view.focal, view.dilation);
 }
 
 // True if a surfel is only a spot: it is edge-on, or too small for its ellipse.
@@ -89,15 +88,16 @@ Outline outline(View view, vec4 shape, vec2 whiten, vec3 plane, float depth, flo
     precise float yy = y_from_x + shape.z * across;
     // Slightly wider than exact, so that rounding never drops a pixel on the rim.
     precise float level = max(shape.w - log2_alpha_min, 0.0) * (1.00001 / (WHITEN * WHITEN)) + 1e-5;
-    precise vec2 lean = vec2(a * plane.x + across * plane.y, across * plane.x + yy * plane.y);
-    precise float share = level * dot(plane.xy, lean);
+    precise vec2 tilt = filtered_tilt(plane, shape.z, whiten);
+    precise vec2 lean = vec2(a * tilt.x + across * tilt.y, across * tilt.x + yy * tilt.y);
+    precise float share = level * dot(tilt, lean);
     o.mean = shape.xy;
     o.spot = view.compensate != 0 ? 0.0 : sqrt(0.5 * level);
     o.boxed = !(share < OUTLINE_MAX);
     if (o.boxed) {
         vec2 axis_x = (WHITEN / whiten.x) * vec2(1.0, shape.z);
         vec2 axis_y = vec2(0.0, WHITEN / whiten.y);
-        box_of(o, axis_x, axis_y, plane.xy, sqrt(level), clamp(view.near_plane / depth, 1e-6, 1.0));
+        box_of(o, axis_x, axis_y, tilt, sqrt(level), clamp(view.near_plane / depth, 1e-6, 1.0));
         return o;
     }
     precise float rest = 1.0 - share;

@@ -13,16 +13,17 @@ struct SurfelColumn {
     bool has_spot;
 };
 
-SurfelColumn surfel_column_of(Tile t, vec4 shape, vec3 plane, float depth, View view) {
+SurfelColumn surfel_column_of(Tile t, vec4 shape, vec2 whiten, vec3 plane, float depth, View view) {
     SurfelColumn c;
+    precise vec2 tilt = filtered_tilt(plane, shape.z, whiten);
     // Positions relative to the tile are small, and so is their rounding.
     precise vec2 mean = shape.xy - vec2(t.corner);
     precise vec2 d = vec2(t.x, t.y) + 0.5 - mean;
-    precise float zero = 1.0 + dot(plane.xy, d);
+    precise float zero = 1.0 + dot(tilt, d);
     c.log_opacity = shape.w;
     c.d = d;
     c.zero = zero;
-    c.row = plane.y;
+    c.row = tilt.y;
     c.nearest = depth / view.near_plane;
     c.has_spot = view.compensate == 0;
     return c;
@@ -59,6 +60,14 @@ vec4 surfel_exponent(Column column, SurfelColumn c, uint q, vec4 f, out Hits hit
     }
     precise vec4 exponent = c.log_opacity - hits.residual;
     return exponent;
+}
+
+// Share of a surfel's depth over that of its mean, from the rim on the screen.
+float surfel_range(vec4 shape, vec2 whiten, vec3 plane) {
+    vec2 tilt = filtered_tilt(plane, shape.z, whiten);
+    vec2 axis_x = (WHITEN / whiten.x) * vec2(1.0, shape.z);
+    float axis_y = WHITEN / whiten.y;
+    return SURFEL_RADIUS * length(vec2(dot(axis_x, tilt), axis_y * tilt.y));
 }
 
 // Depth of the plane at the pixels of a quad, but not beyond the surfel: where the spot counts, the plane is beyond it.

@@ -34,7 +34,10 @@ struct WeightColumn {
 WeightColumn weight_column_of(Tile t, Staged splat, uint lane) {
     WeightColumn c;
     c.ellipse = column_of(t, splat.shape, splat.tone);
-    if (SURFEL != 0) c.surfel = surfel_column_of(t, splat.shape, staged_plane_by(lane), depth_of(splat.rest), view);
+    if (SURFEL != 0) {
+        vec3 plane = staged_plane_by(lane);
+        c.surfel = surfel_column_of(t, splat.shape, splat.tone.xy, plane, depth_of(splat.rest), view);
+    }
     return c;
 }
 

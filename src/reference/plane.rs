@@ -6,7 +6,7 @@
 
 use super::linear::{Vec3, add, cross, dot, normalize, rotation, scale, sub, transform, transpose, vector};
 use super::rasterize::weights;
-use super::surfel::{SurfelDisc, normal_toward};
+use super::surfel::{SurfelDisc, filtered, normal_toward};
 use super::{Real, ScreenSplat, Splat, Thresholds, Viewpoint};
 use crate::reference::linear::matrix;
 use crate::reference::project::{screen_covariance, surfel_of};
@@ -19,13 +19,13 @@ pub struct TangentPlane<R = f64> {
     pub mean: Vec3<R>,
     /// Unit normal, toward the camera.
     pub normal: Vec3<R>,
-    /// Largest |z₀ / z − 1|; a constant.
-    pub range: f64,
+    /// Change of z₀ / z from pixel to pixel under the screen's filter.
+    pub filtered: [R; 2],
     /// The surfel, if it is one.
     pub disc: Option<SurfelDisc<R>>,
 }
 
-/// Largest [`TangentPlane::range`].
+/// Largest |z₀ / z − 1| of a 3D Gaussian.
 pub const RANGE_MAX: f64 = 0.9;
 
 impl<R: Real> TangentPlane<R> {
@@ -42,12 +42,13 @@ impl<R: Real> TangentPlane<R> {
             } else {
                 disc.normal
             };
-            return TangentPlane {
+            let plane = TangentPlane {
                 mean: disc.mean,
                 normal: normal_toward(normal, disc.mean),
-                range: RANGE_MAX,
+                filtered: [R::of(0.0); 2],
                 disc: Some(disc),
             };
+            return plane.under_filter(splat, view);
         }
         let scales = splat.log_scale.map(R::exp);
         let local = transform(transpose(axes), from_camera);
@@ -58,28 +59,37 @@ impl<R: Real> TangentPlane<R> {
         });
         let mean = transform(view_from_world, from_camera);
         let normal = normalize(cross(directions[0], directions[1]));
-        let mut plane = TangentPlane {
+        let plane = TangentPlane {
             mean,
             normal: normal_toward(normal, mean),
-            range: RANGE_MAX,
+            filtered: [R::of(0.0); 2],
             disc: None,
         };
-        let tilt = plane.tilt(view).map(R::value);
-        let [xx, xy, yy] = screen_covariance(splat, view, view_from_world, mean).map(R::value);
-        let variance = tilt[0] * tilt[0] * xx + 2.0 * tilt[0] * tilt[1] * xy + tilt[1] * tilt[1] * yy;
-        plane.range = (3.0 * variance.sqrt()).min(RANGE_MAX);
-        plane
+        plane.under_filter(splat, view)
+    }
+
+    /// The plane with its tilt under the screen's filter.
+    fn under_filter(self, splat: &Splat<R>, view: &Viewpoint) -> TangentPlane<R> {
+        let [xx, xy, yy] = screen_covariance(splat, view, matrix(view.camera.rotation), self.mean);
+        let k = R::of(view.dilation);
+        TangentPlane {
+            filtered: filtered(self.tilt(view), [xx + k, xy, yy + k], view.dilation),
+            ..self
+        }
+    }
+
+    /// Pixel of the mean.
+    fn center(&self, view: &Viewpoint) -> [R; 2] {
+        let (focal, center) = (view.camera.focal.to_array(), view.camera.center.to_array());
+        [0, 1].map(|i| R::of(focal[i]) * self.mean[i] / self.mean[2] + R::of(center[i]))
     }
 
     /// Change of z₀ / z from pixel to pixel, in x and in y: it is linear.
     pub fn tilt(&self, view: &Viewpoint) -> [R; 2] {
-        let camera = &view.camera;
-        let (focal, center) = (camera.focal.to_array().map(R::of), camera.center.to_array().map(R::of));
-        let [x, y, z] = self.mean;
-        let at = [focal[0] * x / z + center[0], focal[1] * y / z + center[1]];
+        let at = self.center(view);
         [[1.0, 0.0], [0.0, 1.0]].map(|step| {
             let beside = [at[0] + R::of(step[0]), at[1] + R::of(step[1])];
-            self.inverse_depth(beside, view) * z - R::of(1.0)
+            self.inverse_depth(beside, view) * self.mean[2] - R::of(1.0)
         })
     }
 
@@ -95,14 +105,17 @@ impl<R: Real> TangentPlane<R> {
         dot(self.normal, ray) / dot(self.normal, self.mean)
     }
 
-    /// Depth of the plane at a position (pixels), within the splat's range; world units along z.
+    /// Depth of the plane under the filter at a position (pixels), within the splat's range; world units along z.
     pub fn depth(&self, position: [f64; 2], view: &Viewpoint) -> R {
-        if let Some(disc) = &self.disc {
-            return disc.depth(position);
-        }
-        let z = self.mean[2];
-        let tilt = self.inverse_depth(position.map(R::of), view) * z - R::of(1.0);
-        z / (R::of(1.0) + tilt.at_least(-self.range).at_most(self.range))
+        let at = self.center(view);
+        let change = |i: usize| self.filtered[i] * (R::of(position[i]) - at[i]);
+        let tilt = change(0) + change(1);
+        let tilt = match &self.disc {
+            Some(disc) if disc.has_spot => return disc.depth(position),
+            Some(_) => tilt,
+            None => tilt.at_least(-RANGE_MAX).at_most(RANGE_MAX),
+        };
+        self.mean[2] / (R::of(1.0) + tilt)
     }
 }
 

@@ -6,7 +6,7 @@
 
 use super::Real;
 use super::linear::{Vec3, dot, matrix, rotation, scale, transform, transpose};
-use crate::scene::Camera;
+use crate::scene::{Camera, ScreenFilter};
 
 /// Cosine between line of sight and normal below which a surfel is edge-on: it has no hits.
 pub const EDGE_COSINE: f64 = 1e-3;
@@ -89,12 +89,27 @@ impl<R: Real> SurfelDisc<R> {
         [(z - reach).max(self.near), z + reach]
     }
 
+    /// 1 / z where the ray through a position (pixels) meets the plane.
+    fn inverse_depth(&self, position: [R; 2]) -> R {
+        let [fx, fy, cx, cy] = self.lens.map(R::of);
+        let ray = [(position[0] - cx) / fx, (position[1] - cy) / fy, R::of(1.0)];
+        dot(self.normal, ray) / dot(self.normal, self.mean)
+    }
+
+    /// z₀ / z at a distance (pixels) from the mean, under the screen's filter of a variance (px²), by the dilated
+    /// covariance.
+    fn filtered_inverse(&self, covariance: Vec3<R>, filter: f64, mean: [R; 2], d: [R; 2]) -> R {
+        let one = R::of(1.0);
+        let beside = |x: f64, y: f64| self.inverse_depth([mean[0] + R::of(x), mean[1] + R::of(y)]);
+        let tilt = [beside(1.0, 0.0), beside(0.0, 1.0)].map(|inverse| inverse * self.mean[2] - one);
+        let [x, y] = filtered(tilt, covariance, filter);
+        one + x * d[0] + y * d[1]
+    }
+
     /// Depth at a position: that of the plane, but not beyond the surfel, whose range is a constant share of its mean's
-    /// depth.
+    /// depth. Without a filter.
     pub fn depth(&self, position: [f64; 2]) -> R {
         let [nearest, farthest] = self.depth_range();
-        let [fx, fy, cx, cy] = self.lens;
-        let ray = [(position[0] - cx) / fx, (position[1] - cy) / fy, 1.0].map(R::of);
         let mean = self.mean[2];
         if self.is_edge_on {
             return mean;
@@ -104,7 +119,7 @@ impl<R: Real> SurfelDisc<R> {
             false => R::of(depth) + (mean - R::of(mean.value())) * R::of(depth / mean.value()),
         };
         // Behind the horizon of the plane there is no hit; nearby the depth grows without limit.
-        let inverse = dot(self.normal, ray) / dot(self.normal, self.mean);
+        let inverse = self.inverse_depth(position.map(R::of));
         let free = R::of(1.0) / inverse;
         if inverse.value() <= 0.0 || free.value() > farthest {
             end(farthest)
@@ -122,19 +137,30 @@ pub fn power<R: Real>(disc: &SurfelDisc<R>, mean: [R; 2], covariance: Vec3<R>, p
     let half = R::of(0.5);
     let d = [0, 1].map(|i| R::of(position[i]) - mean[i]);
     let none = R::of(f64::INFINITY);
-    let hit = disc.hit(position);
     if disc.has_spot {
-        let flat = hit.map_or(none, |hit| half * (hit.u.squared() + hit.v.squared()));
+        let flat = disc.hit(position);
+        let flat = flat.map_or(none, |hit| half * (hit.u.squared() + hit.v.squared()));
         let spot = d[0].squared() + d[1].squared();
         return if flat.value() <= spot.value() { flat } else { spot };
     }
-    // The dilated ellipse at the mean, in the perspective of the plane.
-    let Some(hit) = hit else {
+    // The dilated ellipse at the mean, in the perspective of its plane under the filter.
+    let inverse = disc.filtered_inverse(covariance, ScreenFilter::Mip.dilation(), mean, d);
+    if disc.is_edge_on || inverse.value() <= 0.0 || (disc.mean[2] / inverse).value() < disc.near {
         return none;
-    };
+    }
     let [xx, xy, yy] = covariance;
     let form = yy * d[0].squared() - R::of(2.0) * xy * d[0] * d[1] + xx * d[1].squared();
-    half * (hit.depth / disc.mean[2]).squared() * form / (xx * yy - xy * xy)
+    half * form / (xx * yy - xy * xy) / inverse.squared()
+}
+
+/// Tilt of a plane under the screen's filter of a variance (px²): (S + k)⁻¹ S times the tilt, with the dilated
+/// covariance S + k.
+pub fn filtered<R: Real>(tilt: [R; 2], [xx, xy, yy]: Vec3<R>, filter: f64) -> [R; 2] {
+    let k = R::of(filter);
+    let x = (xx - k) * tilt[0] + xy * tilt[1];
+    let y = xy * tilt[0] + (yy - k) * tilt[1];
+    let det = xx * yy - xy * xy;
+    [(yy * x - xy * y) / det, (xx * y - xy * x) / det]
 }
 
 /// Solution of three linear equations by elimination with the largest pivots; `None` if there is none of finite size.
