@@ -124,20 +124,50 @@ fn nothing_behind_the_camera_or_the_horizon_is_hit() {
     assert!(discs(&scene).is_empty());
 }
 
+/// A surfel before the camera whose normal has a cosine with the line of sight.
+fn slanted(filter: ScreenFilter, cosine: f64, log_scale: f32) -> Scene {
+    let mut scene = surfels(14, 1, filter);
+    let camera = scene.camera;
+    let normal = DVec3::new(0.0, (1.0f64 - cosine * cosine).sqrt(), cosine);
+    let q = DQuat::from_rotation_arc(DVec3::Z, camera.rotation.transpose() * normal);
+    let mean = camera.position + camera.rotation.transpose() * DVec3::new(0.0, 0.0, 2.0);
+    scene.splats.mean[0] = mean.as_vec3().to_array();
+    scene.splats.quaternion[0] = [q.w, q.x, q.y, q.z].map(|x| x as f32);
+    scene.splats.log_scale[0] = [log_scale, log_scale, 0.0];
+    scene
+}
+
+#[test]
+fn nearly_edge_on_surfels_draw_no_streaks() {
+    let mut streaks = 0;
+    for cosine in [0.3, 0.1, 0.03, 0.01, 0.003, 0.0015] {
+        let (screen, disc) = discs(&slanted(ScreenFilter::Mip, cosine, -2.0))[0];
+        let [_, _, yy] = screen.covariance;
+        for step in 1..200 {
+            let off = f64::from(step) * 0.1;
+            for y in [-off, off] {
+                let at = [screen.mean[0], screen.mean[1] + y];
+                let (squared, w) = centred(&screen, &disc, at);
+                let visible = 2.0 * (255.0 * screen.opacity).ln();
+                // In the perspective of its whole tilt a surfel would reach there.
+                streaks += u32::from(off > 5.0 * yy.sqrt() && w > 0.0 && squared < visible);
+                assert!(
+                    off <= 5.0 * yy.sqrt() || 2.0 * power(&screen, at) > visible,
+                    "{cosine}: drawn {y} px off"
+                );
+            }
+        }
+    }
+    assert!(streaks > 10, "{streaks}");
+}
+
 #[test]
 fn edge_on_surfels_are_spots_or_not_drawn() {
     for (filter, cosine) in [ScreenFilter::Classic, ScreenFilter::Mip]
         .into_iter()
         .flat_map(|filter| [1e-1, 1e-2, 2e-3, 5e-4, 1e-6, 0.0].map(|c| (filter, c)))
     {
-        let mut scene = surfels(14, 1, filter);
-        let camera = scene.camera;
-        let normal = DVec3::new(0.0, (1.0f64 - cosine * cosine).sqrt(), cosine);
-        let q = DQuat::from_rotation_arc(DVec3::Z, camera.rotation.transpose() * normal);
-        let mean = camera.position + camera.rotation.transpose() * DVec3::new(0.0, 0.0, 2.0);
-        scene.splats.mean[0] = mean.as_vec3().to_array();
-        scene.splats.quaternion[0] = [q.w, q.x, q.y, q.z].map(|x| x as f32);
-        let found = discs(&scene);
+        let found = discs(&slanted(filter, cosine, -2.5));
         let is_edge_on = cosine < EDGE_COSINE;
         if filter == ScreenFilter::Mip {
             assert_eq!(found.is_empty(), is_edge_on, "{cosine}");
