@@ -27,7 +27,7 @@ pub(in crate::cli) struct ConfigArgs {
     /// Kind of the splats [default: 3d]
     #[arg(long, value_name = "KIND")]
     pub kind: Option<KindArg>,
-    /// Rendering mode; stored in scene.ply, from which `render` and `eval` read it [default: default]
+    /// Rendering mode; `render` and `eval` read it from scene.ply [default: default; with surfels: mip]
     #[arg(long, value_name = "MODE")]
     pub mode: Option<ModeArg>,
     /// Apply remedies against these (comma-separated); constants given by --set come after
@@ -142,7 +142,8 @@ impl ConfigArgs {
         config = config.with_kind(kind);
         config.seed = self.seed.unwrap_or(config.seed);
         config.filter = match self.mode {
-            None | Some(ModeArg::Default) => ScreenFilter::Classic,
+            None => config.filter,
+            Some(ModeArg::Default) => ScreenFilter::Classic,
             Some(ModeArg::Mip) => ScreenFilter::Mip,
         };
         config.max_splats = self.max_splats;
@@ -202,6 +203,29 @@ mod tests {
         assert_eq!(config.init, wanted.init);
         assert_eq!((config.max_aspect, config.filter), (20.0, ScreenFilter::Mip));
         assert_eq!((config.size_penalty, config.adc.prune_opacity), (1e-4, 0.01));
+        Ok(())
+    }
+
+    #[test]
+    fn a_kind_has_its_filter_and_the_mode_comes_before_it() -> std::result::Result<(), String> {
+        let filter = |kind, mode| {
+            let args = ConfigArgs {
+                kind,
+                mode,
+                ..ConfigArgs::default()
+            };
+            args.config(DeviceKind::Cpu).map(|config| config.filter)
+        };
+        let (surfel, classic) = (Some(KindArg::Surfel), Some(ModeArg::Default));
+        let cases = [
+            (None, None, ScreenFilter::Classic),
+            (surfel, None, ScreenFilter::Mip),
+            (surfel, classic, ScreenFilter::Classic),
+            (None, Some(ModeArg::Mip), ScreenFilter::Mip),
+        ];
+        for (kind, mode, expected) in cases {
+            assert_eq!(filter(kind, mode).map_err(|e| e.to_string())?, expected);
+        }
         Ok(())
     }
 

@@ -274,12 +274,13 @@ impl TrainConfig {
         self
     }
 
-    /// The same run with splats of a kind; surfels have normals that agree with their depths.
+    /// The same run with splats of a kind. Surfels have normals that agree with their depths, and the filter of mip mode,
+    /// in which those seen edge-on leave no rim around a body, for which it would shrink.
     pub fn with_kind(mut self, kind: Primitive) -> TrainConfig {
         self.kind = kind;
-        self.geometry.normal = match kind {
-            Primitive::Gaussian3d => 0.0,
-            Primitive::Surfel => SURFEL_NORMAL_WEIGHT,
+        (self.geometry.normal, self.filter) = match kind {
+            Primitive::Gaussian3d => (0.0, ScreenFilter::Classic),
+            Primitive::Surfel => (SURFEL_NORMAL_WEIGHT, ScreenFilter::Mip),
         };
         self
     }
