@@ -224,23 +224,6 @@ fn the_mesh_of_surfels_on_a_plane_is_near_the_plane() {
     assert!(found.psnr_db > 20.0, "{} dB", found.psnr_db);
 }
 
-/// The table of surfels in docs/surfaces.md.
-#[test]
-#[ignore = "minutes of training; `cargo test --release --test device -- --ignored tables_of_surfels --nocapture`"]
-fn tables_of_surfels() {
-    let gpu = device::gpu();
-    for kind in [Kind::Plane, Kind::Sphere] {
-        for filter in [ScreenFilter::Classic, ScreenFilter::Mip] {
-            for primitive in [Primitive::Gaussian3d, Primitive::Surfel] {
-                let found = measured(&gpu, kind, &TABLE_SIZE, (primitive, filter, [0.0; 2]));
-                let (name, mode) = (primitive.name(), filter.name());
-                println!("{name}, {mode}: {:.2} dB, {} splats", found.psnr_db, found.splats);
-                table(kind, &found.meshes);
-            }
-        }
-    }
-}
-
 /// The table of the terms of geometry in docs/surfaces.md, as lines of a record; `TERMS_SCENE` names one scene.
 #[test]
 #[ignore = "minutes of training; `cargo test --release --test device -- --ignored table_of_terms --nocapture`"]
