@@ -274,8 +274,8 @@ impl TrainConfig {
         self
     }
 
-    /// The same run with splats of a kind. Surfels have normals that agree with their depths, and the filter of mip mode,
-    /// in which those seen edge-on leave no rim around a body, for which it would shrink.
+    /// The same run with splats of a kind. Surfels have normals that agree with their depths, and the filter of mip
+    /// mode: seen edge-on they leave no rim around a body, which would shrink for it.
     pub fn with_kind(mut self, kind: Primitive) -> TrainConfig {
         self.kind = kind;
         (self.geometry.normal, self.filter) = match kind {
