@@ -232,7 +232,7 @@ uint project(uint slot, uint splat) {
     if (SURFEL != 0) {
         plane_from_splat[splat] = plane;
     } else if (WITH_PLANES != 0) {
-        plane_from_splat[splat] = plane_of(view, axes, s.scale, offset, mean_view.z);
+        plane_from_splat[splat] = plane_of(view, axes, s.scale, offset, mean_view.z, f);
     }
 
     return tiles_of(shape, whiten, plane, mean_view.z);

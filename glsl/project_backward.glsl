@@ -181,7 +181,8 @@ FootprintGradient surfel_backward(uint splat, vec3 mean_view, vec3 normal_world,
     vec2 d_slant = filter_backward(view, f, slant, more.tilt.yz, d);
     tilt = tilt_backward(view, normal, mean_view, along, d_slant);
     if (WITH_SURFACE != 0) tilt.normal += toward_backward(normal, along, d_normal);
-    d.mean_pixel += 2.0 * more.spot - filtered_tilt(view, f, slant) * more.tilt.x;
+    vec2 drawn = filtered_tilt(slant, view.dilation, f.slope, WHITEN * whitening(f));
+    d.mean_pixel += 2.0 * more.spot - drawn * more.tilt.x;
     return d;
 }
 
@@ -207,11 +208,12 @@ vec2 visible_backward(uint slot, uint splat, vec3 scale, Sums records, SurfelSum
     gradient.opacity_logit += records.shape.x * sigmoid(-mean.w);
     FootprintGradient d = footprint_backward(f, records);
     TiltGradient tilt = TiltGradient(vec3(0.0), vec3(0.0));
-    PlaneGradient plane = PlaneGradient(mat3(0.0), vec3(0.0), vec3(0.0), vec3(0.0));
+    PlaneGradient plane = PlaneGradient(mat3(0.0), vec3(0.0), vec3(0.0), vec3(0.0), vec2(0.0));
     if (SURFEL != 0) {
         d = surfel_backward(splat, mean_view, axes[2], along, f, more, by_surface.yzw, d, tilt);
     } else if (WITH_SURFACE != 0) {
-        plane = plane_backward(view, axes, s.scale, offset, mean_view, f, more.tilt, by_surface.yzw, d);
+        plane = plane_backward(view, axes, s.scale, offset, mean_view, more.tilt, by_surface.yzw);
+        d.mean_pixel += plane.mean_pixel;
     }
     if (view.compensate != 0) compensation_backward(f, records.shape.x, d.v_x, d.v_y);
     // Smoothed variances are s^2 + sigma^2, and ln(opacity) contains half of ln(s^2 / (s^2 + sigma^2)) per axis.

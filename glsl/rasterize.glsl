@@ -87,8 +87,8 @@ void blend(Tile t, uint isect, Staged splat, vec3 plane) {
     PlaneColumn plane_column;
     vec3 normal;
     if (WITH_SURFACE != 0) {
-        plane_column = plane_column_of(t, splat.shape, splat.tone.xy, plane, splat.rest.y);
-        if (SURFEL != 0) plane_column.range = surfel_range(splat.shape, splat.tone.xy, plane);
+        vec3 drawn = SURFEL != 0 ? drawn_plane(splat.shape, splat.tone.xy, plane) : plane;
+        plane_column = plane_column_of(t, drawn, splat.shape.xy, splat.rest.y);
         normal = normal_of(plane, splat.shape.xy, lens);
     }
     SurfelColumn surfel;

@@ -179,8 +179,8 @@ Sums take_off_staged(Tile t, uint isect, uint lane, out SurfelSums more, out vec
     vec2 whiten = splat.tone.xy;
     if (SURFEL != 0) walked.surfel = surfel_column_of(t, splat.shape, whiten, plane, depth_of(splat.rest), view);
     if (WITH_SURFACE != 0) {
-        walked.plane = plane_column_of(t, splat.shape, whiten, plane, depth_of(splat.rest));
-        if (SURFEL != 0) walked.plane.range = surfel_range(splat.shape, whiten, plane);
+        vec3 drawn = SURFEL != 0 ? drawn_plane(splat.shape, whiten, plane) : plane;
+        walked.plane = plane_column_of(t, drawn, splat.shape.xy, depth_of(splat.rest));
         walked.normal = normal_of(plane, splat.shape.xy, lens);
     }
     walked.column = column_of(t, splat.shape, splat.tone);

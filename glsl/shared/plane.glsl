@@ -2,16 +2,17 @@
 // d = pixel - mean, the depth of the plane at a pixel is depth / (1 + tilt . d): the Gaussian's maximum along the ray,
 // but for a relative error of (distance of the ray / distance of the camera)^2, both in standard deviations.
 //
-// Stored as vec3: tilt in 1/px, and the variance that the filter on the screen adds, px^2. Needs `primitive.glsl`.
+// Stored as vec3: tilt in 1/px, and the largest |tilt . d|: that of three standard deviations; of surfels, the variance
+// of the screen's filter. Needs `primitive.glsl`.
 
-// Largest |tilt . d| of a 3D Gaussian, so that depths stay positive.
+// Largest |tilt . d|, so that depths stay positive.
 const float TILT_RANGE_MAX = 0.9;
 // Largest slope of a plane against the image: squares of slopes stay in the range of floats.
 const float SLOPE_MAX = 1e6;
 
-// `axes` are the splat's in the world, `offset` is its mean from the camera. A plane beyond the range of floats,
-// edge-on, is level instead.
-vec3 plane_of(View view, mat3 axes, vec3 scale, vec3 offset, float depth) {
+// `axes` are the splat's in the world, `offset` is its mean from the camera, `f` its footprint. A plane beyond the
+// range of floats, edge-on, is level instead.
+vec3 plane_of(View view, mat3 axes, vec3 scale, vec3 offset, float depth, Footprint f) {
     // The inverse covariance times the line of sight, up to a factor: with exponents of at most 1 nothing overflows.
     vec3 ray = (offset / depth) * axes;
     vec3 ratio = min(min(scale.x, scale.y), scale.z) / scale;
@@ -20,20 +21,22 @@ vec3 plane_of(View view, mat3 axes, vec3 scale, vec3 offset, float depth) {
     float along = dot(normal, ray);
     vec2 slope = (view.view_from_world * (axes * normal)).xy / along;
     slope *= min(1.0, SLOPE_MAX / max(max(abs(slope.x), abs(slope.y)), 1e-30));
-    vec3 plane = vec3(slope / view.focal, view.dilation);
+    vec2 tilt = slope / view.focal;
+    float range = min(3.0 * length(tilt.x * f.v_x + tilt.y * f.v_y), TILT_RANGE_MAX);
+    vec3 plane = vec3(tilt, range);
     return is_finite(plane) ? plane : vec3(0.0);
 }
 
 // Tilt under the filter: with the covariance S on the screen and the filter's variance k, (S + k)^-1 S times that of
-// the plane. A pixel sees the mean depth of all that the filter brings there: a splat smaller than a pixel is level.
-vec2 filtered_tilt(vec3 plane, float slope, vec2 whiten) {
+// the plane. A pixel sees the mean depth of all that the filter brings there; what is seen edge-on is level.
+vec2 filtered_tilt(vec2 tilt, float filter_variance, float slope, vec2 whiten) {
     // With Q = W^T W the inverse of S + k, tilt - k Q tilt.
     precise vec2 w = whiten / WHITEN;
-    precise float x = w.x * plane.x;
-    precise float y = w.y * (plane.y - slope * plane.x);
-    precise vec2 lost = plane.z * vec2(w.x * x - slope * (w.y * y), w.y * y);
-    precise vec2 tilt = plane.xy - lost;
-    return tilt;
+    precise float x = w.x * tilt.x;
+    precise float y = w.y * (tilt.y - slope * tilt.x);
+    precise vec2 lost = filter_variance * vec2(w.x * x - slope * (w.y * y), w.y * y);
+    precise vec2 left = tilt - lost;
+    return left;
 }
 
 // Unit normal in the view, toward the camera. `lens` is focal length and principal point, pixels.
@@ -51,12 +54,11 @@ struct PlaneColumn {
     vec2 d;           // the lane's first pixel from the mean
 };
 
-PlaneColumn plane_column_of(Tile t, vec4 shape, vec2 whiten, vec3 plane, float depth) {
-    vec2 tilt = filtered_tilt(plane, shape.z, whiten);
+PlaneColumn plane_column_of(Tile t, vec3 plane, vec2 mean_pixel, float depth) {
     // Positions relative to the tile are small, and so is their rounding.
-    vec2 mean = shape.xy - vec2(t.corner);
+    vec2 mean = mean_pixel - vec2(t.corner);
     vec2 d = vec2(t.x, t.y) + 0.5 - mean;
-    return PlaneColumn(dot(tilt, d), tilt.y, TILT_RANGE_MAX, depth, d);
+    return PlaneColumn(dot(plane.xy, d), plane.y, plane.z, depth, d);
 }
 
 // Depth of the plane at the pixels of quad `q`.

@@ -8,13 +8,6 @@ vec3 toward_backward(vec3 normal, float along, vec3 d_toward) {
     return along > 0.0 ? -d : d;
 }
 
-struct PlaneGradient {
-    mat3 axes;
-    vec3 log_scale;     // of the smoothed scales
-    vec3 mean;          // by the mean in the world, through the line of sight
-    vec3 mean_view;     // by the mean in the view, at a fixed line of sight
-};
-
 // Gradient by a tilt from that by the tilt under the filter, t - k Q t; adds that by the axes on the screen to `d`.
 vec2 filter_backward(View view, Footprint f, vec2 tilt, vec2 d_filtered, inout FootprintGradient d) {
     if (view.dilation == 0.0) return d_filtered;
@@ -30,18 +23,19 @@ vec2 filter_backward(View view, Footprint f, vec2 tilt, vec2 d_filtered, inout F
     return d_filtered - view.dilation * a;
 }
 
-// Tilt under the filter.
-vec2 filtered_tilt(View view, Footprint f, vec2 tilt) {
-    return filtered_tilt(vec3(tilt, view.dilation), f.slope, WHITEN * whitening(f));
-}
+struct PlaneGradient {
+    mat3 axes;
+    vec3 log_scale;     // of the smoothed scales
+    vec3 mean;          // by the mean in the world, through the line of sight
+    vec3 mean_view;     // by the mean in the view, at a fixed line of sight
+    vec2 mean_pixel;
+};
 
 // Of a 3D Gaussian. With o = offset / depth, the normal is n = R K R^T o with K = (least scale / scale)^2; tilt and
 // unit normal do not depend on its length, so that the least scale is a constant, and so is the depth. `tilt` holds the
-// sums of kappa and kappa d. A plane that was level or bounded for its slope has none. Adds the gradient through the
-// filter to `by_footprint`.
-PlaneGradient plane_backward(View view, mat3 axes, vec3 scale, vec3 offset, vec3 mean_view, Footprint f, vec3 tilt,
-                             vec3 d_toward, inout FootprintGradient by_footprint) {
-    PlaneGradient d = PlaneGradient(mat3(0.0), vec3(0.0), vec3(0.0), vec3(0.0));
+// sums of kappa and kappa d. A plane that was level or bounded for its slope has none.
+PlaneGradient plane_backward(View view, mat3 axes, vec3 scale, vec3 offset, vec3 mean_view, vec3 tilt, vec3 d_toward) {
+    PlaneGradient d = PlaneGradient(mat3(0.0), vec3(0.0), vec3(0.0), vec3(0.0), vec2(0.0));
     vec3 sight = offset / mean_view.z;
     vec3 ray = sight * axes;
     vec3 ratio = min(min(scale.x, scale.y), scale.z) / scale;
@@ -52,9 +46,7 @@ PlaneGradient plane_backward(View view, mat3 axes, vec3 scale, vec3 offset, vec3
     vec2 slope = normal.xy / along;
     bool is_bounded = !(max(abs(slope.x), abs(slope.y)) < SLOPE_MAX);
     if (is_bounded || !is_finite(vec3(slope, along))) return d;
-    vec2 slant = slope / view.focal;
-    vec2 d_slant = filter_backward(view, f, slant, tilt.yz, by_footprint);
-    TiltGradient by_tilt = tilt_backward(view, normal, mean_view, along * mean_view.z, d_slant);
+    TiltGradient by_tilt = tilt_backward(view, normal, mean_view, along * mean_view.z, tilt.yz);
     vec3 d_normal = by_tilt.normal + toward_backward(normal, along, d_toward);
     vec3 d_world = d_normal * view.view_from_world;
     vec3 d_local = d_world * axes;
@@ -62,6 +54,6 @@ PlaneGradient plane_backward(View view, mat3 axes, vec3 scale, vec3 offset, vec3
     d.log_scale = -2.0 * local * d_local;
     d.mean = (axes * (share * d_local)) / mean_view.z;
     d.mean_view = by_tilt.mean;
-    by_footprint.mean_pixel -= tilt.x * filtered_tilt(view, f, slant);
+    d.mean_pixel = -tilt.x * slope / view.focal;
     return d;
 }

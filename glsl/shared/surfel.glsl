@@ -33,7 +33,7 @@ Footprint surfel_footprint(View view, vec3 v_x, vec3 v_y, vec3 scale, float dept
     return f;
 }
 
-// Plane of a surfel with its normal in the view; `along` is normal . mean.
+// Tilt of a surfel with its normal in the view, and variance of the filter; `along` is normal . mean.
 vec3 surfel_plane(View view, vec3 normal, float depth, float along) {
     return vec3(depth / along * normal.xy / view.focal, view.dilation);
 }
@@ -88,7 +88,7 @@ Outline outline(View view, vec4 shape, vec2 whiten, vec3 plane, float depth, flo
     precise float yy = y_from_x + shape.z * across;
     // Slightly wider than exact, so that rounding never drops a pixel on the rim.
     precise float level = max(shape.w - log2_alpha_min, 0.0) * (1.00001 / (WHITEN * WHITEN)) + 1e-5;
-    precise vec2 tilt = filtered_tilt(plane, shape.z, whiten);
+    precise vec2 tilt = filtered_tilt(plane.xy, plane.z, shape.z, whiten);
     precise vec2 lean = vec2(a * tilt.x + across * tilt.y, across * tilt.x + yy * tilt.y);
     precise float share = level * dot(tilt, lean);
     o.mean = shape.xy;

@@ -15,7 +15,7 @@ struct SurfelColumn {
 
 SurfelColumn surfel_column_of(Tile t, vec4 shape, vec2 whiten, vec3 plane, float depth, View view) {
     SurfelColumn c;
-    precise vec2 tilt = filtered_tilt(plane, shape.z, whiten);
+    precise vec2 tilt = filtered_tilt(plane.xy, plane.z, shape.z, whiten);
     // Positions relative to the tile are small, and so is their rounding.
     precise vec2 mean = shape.xy - vec2(t.corner);
     precise vec2 d = vec2(t.x, t.y) + 0.5 - mean;
@@ -62,12 +62,13 @@ vec4 surfel_exponent(Column column, SurfelColumn c, uint q, vec4 f, out Hits hit
     return exponent;
 }
 
-// Share of a surfel's depth over that of its mean, from the rim on the screen.
-float surfel_range(vec4 shape, vec2 whiten, vec3 plane) {
-    vec2 tilt = filtered_tilt(plane, shape.z, whiten);
+// Plane of a surfel as it is drawn: tilt under the filter, and range of its depth over that of the mean, by the rim on
+// the screen.
+vec3 drawn_plane(vec4 shape, vec2 whiten, vec3 plane) {
+    vec2 tilt = filtered_tilt(plane.xy, plane.z, shape.z, whiten);
     vec2 axis_x = (WHITEN / whiten.x) * vec2(1.0, shape.z);
     float axis_y = WHITEN / whiten.y;
-    return SURFEL_RADIUS * length(vec2(dot(axis_x, tilt), axis_y * tilt.y));
+    return vec3(tilt, SURFEL_RADIUS * length(vec2(dot(axis_x, tilt), axis_y * tilt.y)));
 }
 
 // Depth of the plane at the pixels of a quad, but not beyond the surfel: where the spot counts, the plane is beyond it.

@@ -19,13 +19,15 @@ pub struct TangentPlane<R = f64> {
     pub mean: Vec3<R>,
     /// Unit normal, toward the camera.
     pub normal: Vec3<R>,
-    /// Change of z₀ / z from pixel to pixel under the screen's filter.
-    pub filtered: [R; 2],
+    /// Largest |z₀ / z − 1|; a constant.
+    pub range: f64,
+    /// Change of z₀ / z from pixel to pixel under the mip filter of surfels.
+    pub filtered: Option<[R; 2]>,
     /// The surfel, if it is one.
     pub disc: Option<SurfelDisc<R>>,
 }
 
-/// Largest |z₀ / z − 1| of a 3D Gaussian.
+/// Largest [`TangentPlane::range`].
 pub const RANGE_MAX: f64 = 0.9;
 
 impl<R: Real> TangentPlane<R> {
@@ -45,10 +47,15 @@ impl<R: Real> TangentPlane<R> {
             let plane = TangentPlane {
                 mean: disc.mean,
                 normal: normal_toward(normal, disc.mean),
-                filtered: [R::of(0.0); 2],
+                range: RANGE_MAX,
+                filtered: None,
                 disc: Some(disc),
             };
-            return plane.under_filter(splat, view);
+            return if disc.has_spot {
+                plane
+            } else {
+                plane.under_filter(splat, view)
+            };
         }
         let scales = splat.log_scale.map(R::exp);
         let local = transform(transpose(axes), from_camera);
@@ -59,21 +66,27 @@ impl<R: Real> TangentPlane<R> {
         });
         let mean = transform(view_from_world, from_camera);
         let normal = normalize(cross(directions[0], directions[1]));
-        let plane = TangentPlane {
+        let mut plane = TangentPlane {
             mean,
             normal: normal_toward(normal, mean),
-            filtered: [R::of(0.0); 2],
+            range: RANGE_MAX,
+            filtered: None,
             disc: None,
         };
-        plane.under_filter(splat, view)
+        let tilt = plane.tilt(view).map(R::value);
+        let [xx, xy, yy] = screen_covariance(splat, view, view_from_world, mean).map(R::value);
+        let variance = tilt[0] * tilt[0] * xx + 2.0 * tilt[0] * tilt[1] * xy + tilt[1] * tilt[1] * yy;
+        plane.range = (3.0 * variance.sqrt()).min(RANGE_MAX);
+        plane
     }
 
     /// The plane with its tilt under the screen's filter.
     fn under_filter(self, splat: &Splat<R>, view: &Viewpoint) -> TangentPlane<R> {
         let [xx, xy, yy] = screen_covariance(splat, view, matrix(view.camera.rotation), self.mean);
         let k = R::of(view.dilation);
+        let tilt = filtered(self.tilt(view), [xx + k, xy, yy + k], view.dilation);
         TangentPlane {
-            filtered: filtered(self.tilt(view), [xx + k, xy, yy + k], view.dilation),
+            filtered: Some(tilt),
             ..self
         }
     }
@@ -105,17 +118,19 @@ impl<R: Real> TangentPlane<R> {
         dot(self.normal, ray) / dot(self.normal, self.mean)
     }
 
-    /// Depth of the plane under the filter at a position (pixels), within the splat's range; world units along z.
+    /// Depth of the plane at a position (pixels), within the splat's range; world units along z.
     pub fn depth(&self, position: [f64; 2], view: &Viewpoint) -> R {
-        let at = self.center(view);
-        let change = |i: usize| self.filtered[i] * (R::of(position[i]) - at[i]);
-        let tilt = change(0) + change(1);
-        let tilt = match &self.disc {
-            Some(disc) if disc.has_spot => return disc.depth(position),
-            Some(_) => tilt,
-            None => tilt.at_least(-RANGE_MAX).at_most(RANGE_MAX),
-        };
-        self.mean[2] / (R::of(1.0) + tilt)
+        let z = self.mean[2];
+        if let Some(tilt) = self.filtered {
+            let at = self.center(view);
+            let change = |i: usize| tilt[i] * (R::of(position[i]) - at[i]);
+            return z / (R::of(1.0) + change(0) + change(1));
+        }
+        if let Some(disc) = &self.disc {
+            return disc.depth(position);
+        }
+        let tilt = self.inverse_depth(position.map(R::of), view) * z - R::of(1.0);
+        z / (R::of(1.0) + tilt.at_least(-self.range).at_most(self.range))
     }
 }
 

@@ -2,9 +2,10 @@
 
 use crate::common::scenes;
 use ashfall::reference::linear::{Vec3, dot, matrix, normalize, rotation, sub, transform, transpose, vector};
-use ashfall::reference::plane::{RANGE_MAX, TangentPlane};
+use ashfall::reference::plane::TangentPlane;
 use ashfall::reference::project::screen_covariance;
 use ashfall::reference::{Splat, Viewpoint};
+use ashfall::scene::{Primitive, ScreenFilter};
 
 /// Squared distance of a world point from a splat, in standard deviations.
 fn squared_distance(splat: &Splat<f64>, point: Vec3<f64>) -> f64 {
@@ -25,8 +26,7 @@ fn minimum(of: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
 #[test]
 fn rays_are_densest_at_planes() {
     let scene = scenes::gentle(71, 200, 97, 65, 0);
-    let mut view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
-    view.dilation = 0.0;
+    let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
     let camera = &scene.camera;
     let world_from_view = transpose(matrix(camera.rotation));
     let (mut compared, mut off_means) = (0, 0.0f64);
@@ -40,7 +40,7 @@ fn rays_are_densest_at_planes() {
         for step in [[0.0, 0.0], [1.3, 0.2], [-0.7, 2.0], [3.0, -3.0]] {
             let at = [mean[0] + step[0], mean[1] + step[1]];
             let tilt = plane.tilt(&view);
-            if (tilt[0] * step[0] + tilt[1] * step[1]).abs() > RANGE_MAX {
+            if (tilt[0] * step[0] + tilt[1] * step[1]).abs() > plane.range {
                 continue;
             }
             let ray = [
@@ -98,59 +98,63 @@ fn discs_and_spheres_have_their_own_normals() {
 }
 
 #[test]
-fn pixels_see_the_mean_depth_of_what_the_filter_brings() {
+fn a_plane_keeps_to_three_standard_deviations() {
+    let scene = scenes::gentle(73, 50, 97, 65, 0);
+    let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
+    for splat in Splat::<f64>::all(&scene.splats) {
+        let plane = TangentPlane::of(&splat, &view);
+        let z = plane.mean[2];
+        let widest = splat.log_scale.iter().fold(0.0f64, |m, s| m.max(s.exp()));
+        for at in [[-1e6, 3.0], [1e6, -1e6], [40.0, 1e7], [5.0, -1e7]] {
+            let depth = plane.depth(at, &view);
+            let shift = (z / depth - 1.0).abs();
+            assert!(depth > 0.0 && shift <= plane.range * (1.0 + 1e-12));
+            // Three σ of the plane's depth, whose variance is at most the largest one's over cos².
+            let sight = normalize(plane.mean);
+            let cos = -dot(plane.normal, sight);
+            assert!(shift <= 3.0 * widest / z * 2.0 / cos, "{shift} of {widest} at {z}");
+        }
+    }
+}
+
+#[test]
+fn pixels_see_the_mean_depth_of_what_the_mip_filter_brings() {
     let mut scene = scenes::gentle(73, 200, 97, 65, 0);
+    scene.splats.primitive = Primitive::Surfel;
+    scene.splats.filter = ScreenFilter::Mip;
     for log_scale in scene.splats.log_scale.iter_mut().step_by(2) {
         *log_scale = log_scale.map(|s| s - 2.0);
     }
-    let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
+    let view = Viewpoint::on(&scene.splats, &scene.camera, &scene.options);
     let k = view.dilation;
     let (mut compared, mut level) = (0, 0);
     for splat in Splat::<f64>::all(&scene.splats) {
         let plane = TangentPlane::of(&splat, &view);
-        let view_from_world = matrix(scene.camera.rotation);
-        let [xx, xy, yy] = screen_covariance(&splat, &view, view_from_world, plane.mean);
-        if xx + yy > 25.0 {
+        let [xx, xy, yy] = screen_covariance(&splat, &view, matrix(scene.camera.rotation), plane.mean);
+        // The quadrature resolves the filter beside surfels of up to three pixels.
+        if xx + yy > 9.0 || xx * yy - xy * xy < 1e-6 * xx * yy {
             continue;
         }
-        let tilt = plane.tilt(&view);
-        // The covariance's triangular root, and the splat's points by standard deviations.
+        let (tilt, filtered) = (plane.tilt(&view), plane.filtered.unwrap());
+        // The covariance's triangular root takes standard deviations to pixels.
         let (x, slope) = (xx.sqrt(), xy / xx.sqrt());
         let y = (yy - slope * slope).sqrt();
         for d in [[1.0, 0.0], [-0.5, 0.8]] {
             let (mut sum, mut total) = (0.0, 0.0);
-            for step in 0..141 * 141 {
-                let [u, v] = [step / 141, step % 141].map(|i| f64::from(i) * 0.1 - 7.0);
+            for step in 0..281 * 281 {
+                let [u, v] = [step / 281, step % 281].map(|i| f64::from(i) * 0.05 - 7.0);
                 let at = [x * u, slope * u + y * v];
                 let off = (d[0] - at[0]).powi(2) + (d[1] - at[1]).powi(2);
                 let weight = (-0.5 * (u * u + v * v) - 0.5 * off / k).exp();
                 sum += weight * (tilt[0] * at[0] + tilt[1] * at[1]);
                 total += weight;
             }
-            let found = plane.filtered[0] * d[0] + plane.filtered[1] * d[1];
+            let (found, expected) = (filtered[0] * d[0] + filtered[1] * d[1], sum / total);
             let size = tilt[0].hypot(tilt[1]);
-            assert!(
-                (found - sum / total).abs() < 1e-9 * size,
-                "{found}, not {}",
-                sum / total
-            );
+            assert!((found - expected).abs() <= 1e-8 * size, "{found}, not {expected}");
             level += u32::from(found.abs() < 0.5 * (tilt[0] * d[0] + tilt[1] * d[1]).abs());
             compared += 1;
         }
     }
-    assert!(compared > 100 && level > 20, "{compared} pixels, {level} nearly level");
-}
-
-#[test]
-fn a_plane_stays_in_front_of_the_camera() {
-    let scene = scenes::gentle(73, 50, 97, 65, 0);
-    let view = Viewpoint::new(&scene.camera, &scene.options, scene.splats.filter);
-    for splat in Splat::<f64>::all(&scene.splats) {
-        let plane = TangentPlane::of(&splat, &view);
-        let z = plane.mean[2];
-        for at in [[-1e6, 3.0], [1e6, -1e6], [40.0, 1e7], [5.0, -1e7]] {
-            let depth = plane.depth(at, &view);
-            assert!(depth > 0.0 && (z / depth - 1.0).abs() <= RANGE_MAX * (1.0 + 1e-12));
-        }
-    }
+    assert!(compared > 50 && level > 10, "{compared} pixels, {level} nearly level");
 }

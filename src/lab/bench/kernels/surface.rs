@@ -5,26 +5,31 @@ use crate::kernels::rasterize::Outputs;
 use crate::lab::bench::check::{Output, floats};
 use crate::lab::bench::input::lists::viewpoint;
 use crate::layout::SURFACE_FIRST;
-use crate::reference::linear::{normalize, rotation, sub, transform, transpose, vector};
+use crate::reference::linear::{dot, matrix, normalize, rotation, sub, transform, transpose, vector};
 use crate::reference::plane::TangentPlane;
 use crate::reference::{Splat, Viewpoint, project};
 
 /// A plane in the device's layout.
 pub fn packed(plane: &TangentPlane, view: &Viewpoint) -> [f32; 3] {
     let [x, y] = plane.tilt(view);
-    [x, y, view.dilation].map(|value| value as f32)
+    let last = match &plane.disc {
+        Some(_) => view.dilation,
+        None => plane.range,
+    };
+    [x, y, last].map(|value| value as f32)
 }
 
 /// Planes that the device found beside those of the reference.
 ///
 /// With u = 2⁻²⁴, a ray in the splat's axes has an error of 10 u of its length, and a ratio of scales, twice an
 /// exponential of 16 ulp, 40 u of itself. Flat splats lose digits as they turn edge-on: the ratios leave little of the
-/// ray for their normal, whose relative error grows by 1 / `left`. Compared are the normal times `left`, 100 u, tripled
-/// for the remaining steps, and the variance of the filter.
+/// ray for their normal, whose relative error grows by 1 / `left`, and that of the tilt by 1 / cos. Compared are the
+/// normal times `left`, and the range in units of its own bound, 3 |tilt| |footprint| / cos: 100 u, tripled for the
+/// remaining steps.
 pub(super) fn plane_outputs(view: &Viewpoint, splats: &[Splat<f64>], found: &[[f64; 3]]) -> Vec<Output> {
     let lens = [view.camera.focal.to_array(), view.camera.center.to_array()];
-    let [mut normals, mut filters] = [(); 2].map(|()| [(); 2].map(|()| Vec::<f64>::new()));
-    for (splat, &[x, y, filter]) in splats.iter().zip(found) {
+    let [mut normals, mut ranges] = [(); 2].map(|()| [(); 2].map(|()| Vec::<f64>::new()));
+    for (splat, &[x, y, range]) in splats.iter().zip(found) {
         let plane = TangentPlane::of(splat, view);
         if project::margins(splat, view).limit < 1e-5 {
             continue;
@@ -34,14 +39,18 @@ pub(super) fn plane_outputs(view: &Viewpoint, splats: &[Splat<f64>], found: &[[f
         let left = left_by_ratios(splat, view);
         normals[0].extend(normal.map(|n| -n * left));
         normals[1].extend(plane.normal.map(|n| n * left));
-        filters[0].push(filter);
-        filters[1].push(view.dilation);
+        let tilt = plane.tilt(view);
+        let [xx, _, yy] = project::screen_covariance(splat, view, matrix(view.camera.rotation), plane.mean);
+        let cos = -dot(plane.normal, normalize(plane.mean));
+        let unit = 3.0 * tilt[0].hypot(tilt[1]) * (xx + yy).sqrt() / cos + 1e-9;
+        ranges[0].push(range / unit);
+        ranges[1].push(plane.range / unit);
     }
     let [found, expected] = normals;
-    let [found_filter, expected_filter] = filters;
+    let [found_range, expected_range] = ranges;
     vec![
         Output::relative("normal", found, expected, 2e-5, 1.0),
-        Output::relative("filter", found_filter, expected_filter, 1e-7, 1.0),
+        Output::relative("range", found_range, expected_range, 2e-5, 1.0),
     ]
 }
 
