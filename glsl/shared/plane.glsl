@@ -3,7 +3,7 @@
 // but for a relative error of (distance of the ray / distance of the camera)^2, both in standard deviations.
 //
 // Stored as vec3: tilt in 1/px, and the largest |tilt . d|: that of three standard deviations; of surfels, the variance
-// of the screen's filter. Needs `primitive.glsl`.
+// of the screen's filter.
 
 // Largest |tilt . d|, so that depths stay positive.
 const float TILT_RANGE_MAX = 0.9;
@@ -25,18 +25,6 @@ vec3 plane_of(View view, mat3 axes, vec3 scale, vec3 offset, float depth, Footpr
     float range = min(3.0 * length(tilt.x * f.v_x + tilt.y * f.v_y), TILT_RANGE_MAX);
     vec3 plane = vec3(tilt, range);
     return is_finite(plane) ? plane : vec3(0.0);
-}
-
-// Tilt under the filter: with the covariance S on the screen and the filter's variance k, (S + k)^-1 S times that of
-// the plane. A pixel sees the mean depth of all that the filter brings there; what is seen edge-on is level.
-vec2 filtered_tilt(vec2 tilt, float filter_variance, float slope, vec2 whiten) {
-    // With Q = W^T W the inverse of S + k, tilt - k Q tilt.
-    precise vec2 w = whiten / WHITEN;
-    precise float x = w.x * tilt.x;
-    precise float y = w.y * (tilt.y - slope * tilt.x);
-    precise vec2 lost = filter_variance * vec2(w.x * x - slope * (w.y * y), w.y * y);
-    precise vec2 left = tilt - lost;
-    return left;
 }
 
 // Unit normal in the view, toward the camera. `lens` is focal length and principal point, pixels.

@@ -6,7 +6,7 @@
 // Without the mip filter a surfel counts at least as a spot of half a squared pixel about its mean (2DGS, section 4.2);
 // with it, the ellipse is dilated, and the tilt is that under the filter.
 //
-// Needs `plane.glsl`.
+// Needs `primitive.glsl` and `plane.glsl`.
 
 // Cosine between line of sight and normal below which a surfel is edge-on: there, rounding is as large as its shape.
 const float EDGE_COSINE = 1e-3;
@@ -36,6 +36,18 @@ Footprint surfel_footprint(View view, vec3 v_x, vec3 v_y, vec3 scale, float dept
 // Tilt of a surfel with its normal in the view, and variance of the filter; `along` is normal . mean.
 vec3 surfel_plane(View view, vec3 normal, float depth, float along) {
     return vec3(depth / along * normal.xy / view.focal, view.dilation);
+}
+
+// Tilt under the filter: with the covariance S on the screen and the filter's variance k, (S + k)^-1 S times that of
+// the plane. A pixel sees the mean depth of all that the filter brings there; what is seen edge-on is level.
+vec2 filtered_tilt(vec2 tilt, float filter_variance, float slope, vec2 whiten) {
+    // With Q = W^T W the inverse of S + k, tilt - k Q tilt.
+    precise vec2 w = whiten / WHITEN;
+    precise float x = w.x * tilt.x;
+    precise float y = w.y * (tilt.y - slope * tilt.x);
+    precise vec2 lost = filter_variance * vec2(w.x * x - slope * (w.y * y), w.y * y);
+    precise vec2 left = tilt - lost;
+    return left;
 }
 
 // True if a surfel is only a spot: it is edge-on, or too small for its ellipse.
