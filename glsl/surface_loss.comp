@@ -4,12 +4,13 @@
 // Gradient of the terms of geometry by a frame's surface: of the normals' consistency with the depths, and of the
 // spread of depths in a pixel.
 //
-// One invocation per pixel. Depths are sums of weight * z over the coverage; where that is below 1/2 there is none. At
-// a pixel whose four neighbours have depths, too, no farther from its own than SLOPE_LIMIT footprints, the normal of
-// the depths is that of the vectors from neighbour to neighbour:
+// One workgroup per tile, in three sweeps: depths of the tile and of two pixels around it; the term of each pixel, and
+// of those one pixel around the tile; the gradient of each pixel's depth, which enters the terms of its four
+// neighbours. Depths are sums of weight * z over the coverage; where that is below 1/2 there is none. At a pixel whose
+// four neighbours have depths, too, no farther from its own than SLOPE_LIMIT footprints, the normal of the depths is
+// that of the vectors from neighbour to neighbour:
 //   consistency: coverage * (1 - normal . normal of the depths), spread: coverage * variance of ln z,
-// the coverage a constant factor. A pixel's depth enters the terms of its four neighbours, which are computed again
-// here: nothing is added atomically.
+// the coverage a constant factor.
 
 layout(constant_id = 0) const uint WORKGROUP = 64;
 // Not 0: the spread as well.
@@ -32,49 +33,68 @@ const float SLOPE_LIMIT = 6.0;
 // Smallest length of the sum of normals over the coverage: shorter ones have hardly a direction.
 const float NORMAL_MIN = 0.1;
 
-// Depths of the pixels within two steps, 0 where there are none: [y][x] from the upper left.
-float depths[5][5];
+// Pixels along a side of a tile's terms, and of their depths.
+const uint TERMS = SURFACE_TILE + 2;
+const uint DEPTHS = SURFACE_TILE + 4;
 
-float coverage_of(ivec2 at) {
-    return 1.0 - image[3 * view.size.x * view.size.y + uint(at.y) * view.size.x + uint(at.x)];
+// 0 where there is none.
+shared float depths[DEPTHS * DEPTHS];
+// Gradient of each pixel's term by the depths of its neighbours.
+shared float by_upper[TERMS * TERMS];
+shared float by_lower[TERMS * TERMS];
+shared float by_left[TERMS * TERMS];
+shared float by_right[TERMS * TERMS];
+
+// The view's, cached: a buffer load costs as much as several arithmetic operations.
+uint width;
+uint height;
+vec2 focal;
+vec2 center;
+
+bool is_counted(ivec2 at) {
+    return uint(at.x) < width && uint(at.y) >= push.counted.x && uint(at.y) < push.counted.y;
 }
 
-float depth_of(ivec2 at) {
-    if (any(lessThan(at, ivec2(0))) || any(greaterThanEqual(at, ivec2(view.size)))) return 0.0;
-    float coverage = coverage_of(at);
-    if (!(coverage >= 0.5)) return 0.0;
-    return surface[SURFACE_DEPTH * view.size.x * view.size.y + uint(at.y) * view.size.x + uint(at.x)] / coverage;
+float coverage_of(uint pixel) {
+    return 1.0 - image[3 * width * height + pixel];
 }
 
-vec3 ray_of(ivec2 at) {
-    return vec3((vec2(at + ivec2(0, view.first_row)) + 0.5 - view.center) / view.focal, 1.0);
+// `at` may be outside the image: above or left of it, its coordinates wrap to large unsigned numbers.
+float depth_of(uvec2 at) {
+    if (at.x >= width || at.y >= height) return 0.0;
+    uint pixel = at.y * width + at.x;
+    float coverage = coverage_of(pixel);
+    return coverage >= 0.5 ? surface[SURFACE_DEPTH * width * height + pixel] / coverage : 0.0;
 }
 
-// Gradients of the term of the pixel `c` steps from this one.
+// Gradient of the term of a pixel.
 struct Consistency {
-    vec3 normal;     // by the sum of normals
-    vec3 down;       // by the vector from the upper to the lower neighbour
-    vec3 across;     // by that from the left to the right one
+    vec3 normal;  // by the sum of normals
+    vec4 depths;  // by the depths of the upper, lower, left and right neighbour
 };
 
-Consistency consistency(ivec2 pixel, ivec2 c) {
-    Consistency none = Consistency(vec3(0.0), vec3(0.0), vec3(0.0));
-    ivec2 at = pixel + c;
-    ivec2 o = c + 2;
-    float z = depths[o.y][o.x];
-    vec4 around = vec4(depths[o.y - 1][o.x], depths[o.y + 1][o.x], depths[o.y][o.x - 1], depths[o.y][o.x + 1]);
+// The term of the pixel at `at`, whose depth is the one at `place`.
+Consistency consistency(ivec2 at, uint place) {
+    Consistency none = Consistency(vec3(0.0), vec4(0.0));
+    float z = depths[place];
+    vec4 around = vec4(depths[place - DEPTHS], depths[place + DEPTHS], depths[place - 1], depths[place + 1]);
     if (!(z > 0.0 && min(min(around.x, around.y), min(around.z, around.w)) > 0.0)) return none;
-    vec4 steps = abs(around - z) * view.focal.yyxx;
+    vec4 steps = abs(around - z) * focal.yyxx;
     if (!(max(max(steps.x, steps.y), max(steps.z, steps.w)) <= SLOPE_LIMIT * z)) return none;
-    uint pixels = view.size.x * view.size.y;
-    uint index = uint(at.y) * view.size.x + uint(at.x);
-    vec3 sum = vec3(surface[SURFACE_NORMAL * pixels + index], surface[(SURFACE_NORMAL + 1) * pixels + index],
-                    surface[(SURFACE_NORMAL + 2) * pixels + index]);
-    float coverage = coverage_of(at);
+    uint pixels = width * height;
+    uint pixel = uint(at.y) * width + uint(at.x);
+    vec3 sum = vec3(surface[SURFACE_NORMAL * pixels + pixel], surface[(SURFACE_NORMAL + 1) * pixels + pixel],
+                    surface[(SURFACE_NORMAL + 2) * pixels + pixel]);
+    float coverage = coverage_of(pixel);
     float size = length(sum);
+    vec3 ray = vec3((vec2(at) - center) / focal, 1.0);
+    vec3 upper = vec3(ray.x, ray.y - 1.0 / focal.y, 1.0);
+    vec3 lower = vec3(ray.x, ray.y + 1.0 / focal.y, 1.0);
+    vec3 left = vec3(ray.x - 1.0 / focal.x, ray.y, 1.0);
+    vec3 right = vec3(ray.x + 1.0 / focal.x, ray.y, 1.0);
     // In units of the depth, which the normal does not depend on.
-    vec3 down = (around.y * ray_of(at + ivec2(0, 1)) - around.x * ray_of(at - ivec2(0, 1))) / z;
-    vec3 across = (around.w * ray_of(at + ivec2(1, 0)) - around.z * ray_of(at - ivec2(1, 0))) / z;
+    vec3 down = (around.y * lower - around.x * upper) / z;
+    vec3 across = (around.w * right - around.z * left) / z;
     vec3 flat_normal = cross(down, across);
     float area = length(flat_normal);
     if (!(size >= NORMAL_MIN * coverage && area > 0.0)) return none;
@@ -83,17 +103,19 @@ Consistency consistency(ivec2 pixel, ivec2 c) {
     float weight = push.normal_scale * coverage;
     float cosine = dot(normal, flat_normal);
     vec3 d_flat = (-weight / area) * (normal - flat_normal * cosine);
-    return Consistency((-weight / size) * (flat_normal - normal * cosine), cross(across, d_flat) / z,
-                       cross(d_flat, down) / z);
+    vec3 d_down = cross(across, d_flat) / z;
+    vec3 d_across = cross(d_flat, down) / z;
+    return Consistency((-weight / size) * (flat_normal - normal * cosine),
+                       vec4(-dot(upper, d_down), dot(lower, d_down), -dot(left, d_across), dot(right, d_across)));
 }
 
 void store(uint plane, uint pixel, float value) {
-    d_image[plane * view.size.x * view.size.y + pixel] = value;
+    d_image[plane * width * height + pixel] = value;
 }
 
 // Variance of ln z, and depth at its mean: all that compositing backwards needs of the spread.
 void store_spread(uint pixel, float coverage) {
-    uint pixels = view.size.x * view.size.y;
+    uint pixels = width * height;
     float first = surface[SURFACE_FIRST * pixels + pixel];
     bool has = coverage >= 0.5 && first > 0.0;
     float mean = has ? surface[SURFACE_LOG * pixels + pixel] / coverage : 0.0;
@@ -104,37 +126,75 @@ void store_spread(uint pixel, float coverage) {
     store(SPREAD_OWN, pixel, max(square - mean * mean, 0.0));
 }
 
+// Rows that do not count.
 void store_nothing(uint pixel) {
+    [[unroll]] for (uint axis = 0; axis < 3; ++axis) store(D_NORMAL + axis, pixel, 0.0);
     store(D_COVERAGE, pixel, 0.0);
     store(D_DEPTH, pixel, 0.0);
-    [[unroll]] for (uint axis = 0; axis < 3; ++axis) store(D_NORMAL + axis, pixel, 0.0);
     if (WITH_SPREAD == 0) return;
     store(D_SPREAD, pixel, 0.0);
     store(SPREAD_CENTER, pixel, 1.0);
     store(SPREAD_OWN, pixel, 0.0);
 }
 
-void main() {
-    uint index = global_index();
-    if (index >= view.size.x * view.size.y) return;
-    ivec2 pixel = ivec2(index % view.size.x, index / view.size.x);
-    if (uint(pixel.y) < push.counted.x || uint(pixel.y) >= push.counted.y) {
-        store_nothing(index);
+void differentiate(ivec2 corner, uint term) {
+    ivec2 place = ivec2(term % TERMS, term / TERMS);
+    ivec2 at = corner + place - 1;
+    Consistency c = consistency(at, (uint(place.y) + 1) * DEPTHS + uint(place.x) + 1);
+    by_upper[term] = c.depths.x;
+    by_lower[term] = c.depths.y;
+    by_left[term] = c.depths.z;
+    by_right[term] = c.depths.w;
+    ivec2 inner = place - 1;
+    if (min(inner.x, inner.y) < 0 || max(inner.x, inner.y) >= int(SURFACE_TILE) || !is_counted(at)) return;
+    uint pixel = uint(at.y) * width + uint(at.x);
+    [[unroll]] for (uint axis = 0; axis < 3; ++axis) store(D_NORMAL + axis, pixel, c.normal[axis]);
+}
+
+void finish(ivec2 corner, uint inner) {
+    uvec2 place = uvec2(inner % SURFACE_TILE, inner / SURFACE_TILE);
+    ivec2 at = corner + ivec2(place);
+    if (uint(at.x) >= width || uint(at.y) >= height) return;
+    uint pixel = uint(at.y) * width + uint(at.x);
+    if (!is_counted(at)) {
+        store_nothing(pixel);
         return;
     }
-    [[unroll]] for (int y = -2; y <= 2; ++y) {
-        [[unroll]] for (int x = -2; x <= 2; ++x) {
-            depths[y + 2][x + 2] = abs(x) + abs(y) <= 2 ? depth_of(pixel + ivec2(x, y)) : 0.0;
-        }
-    }
-    Consistency here = consistency(pixel, ivec2(0));
-    vec3 d_place = consistency(pixel, ivec2(0, -1)).down - consistency(pixel, ivec2(0, 1)).down
-        + consistency(pixel, ivec2(-1, 0)).across - consistency(pixel, ivec2(1, 0)).across;
-    float depth = depths[2][2];
+    uint term = (place.y + 1) * TERMS + place.x + 1;
+    float depth = depths[(place.y + 2) * DEPTHS + place.x + 2];
+    float d_depth = by_lower[term - TERMS] + by_upper[term + TERMS] + by_right[term - 1] + by_left[term + 1];
     float coverage = coverage_of(pixel);
-    float d_depth = depth > 0.0 ? dot(ray_of(pixel), d_place) / coverage : 0.0;
-    store(D_COVERAGE, index, -d_depth * depth);
-    store(D_DEPTH, index, d_depth);
-    [[unroll]] for (uint axis = 0; axis < 3; ++axis) store(D_NORMAL + axis, index, here.normal[axis]);
-    if (WITH_SPREAD != 0) store_spread(index, coverage);
+    d_depth = depth > 0.0 ? d_depth / coverage : 0.0;
+    store(D_COVERAGE, pixel, -d_depth * depth);
+    store(D_DEPTH, pixel, d_depth);
+    if (WITH_SPREAD != 0) store_spread(pixel, coverage);
+}
+
+void main() {
+    width = view.size.x;
+    height = view.size.y;
+    focal = view.focal;
+    center = view.center - 0.5 - vec2(0, view.first_row);
+    uint columns = (width + SURFACE_TILE - 1) / SURFACE_TILE;
+    uint tile = group_index();
+    if (tile >= columns * ((height + SURFACE_TILE - 1) / SURFACE_TILE)) return;
+    ivec2 corner = ivec2(tile % columns, tile / columns) * int(SURFACE_TILE);
+    uint lane = gl_LocalInvocationID.x;
+    uint i = lane;
+    do {
+        if (i < DEPTHS * DEPTHS) depths[i] = depth_of(uvec2(corner + ivec2(i % DEPTHS, i / DEPTHS) - 2));
+        i += WORKGROUP;
+    } while (i < DEPTHS * DEPTHS);
+    barrier();
+    i = lane;
+    do {
+        if (i < TERMS * TERMS) differentiate(corner, i);
+        i += WORKGROUP;
+    } while (i < TERMS * TERMS);
+    barrier();
+    i = lane;
+    do {
+        if (i < SURFACE_TILE * SURFACE_TILE) finish(corner, i);
+        i += WORKGROUP;
+    } while (i < SURFACE_TILE * SURFACE_TILE);
 }

@@ -13,6 +13,14 @@ const uint BASELINE_TILE = 16;
 const uint LOSS_TILE_WIDTH = 16;
 const uint LOSS_TILE_HEIGHT = 48;
 
+// Width and height of a tile of the terms of geometry, pixels.
+const uint SURFACE_TILE = 16;
+
+// Kinds of a kernel's splats: 3D Gaussians, surfels, and surfels of mip mode alone, which are never spots.
+const uint SURFEL_NONE = 0;
+const uint SURFEL_ANY = 1;
+const uint SURFEL_MIP = 2;
+
 // Pixels that a workgroup adds up for the gains of a photograph.
 const uint EXPOSURE_PIXELS = 1024;
 

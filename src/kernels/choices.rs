@@ -41,6 +41,9 @@ const STRETCHED: &str =
 /// Reason for kernels with one workgroup per patch of a photograph.
 const PATCHED: &str = "the only variant; a workgroup adds up a patch of pixels, little beside the windows of the loss";
 
+/// Reason for kernels with one workgroup per tile of the terms of geometry.
+const OF_SURFACES: &str = "the only variant; a workgroup keeps the depths and terms of a tile and of its border";
+
 /// Reason for kernels with a single workgroup.
 const ALONE: &str = "the only variant; a single workgroup does it all, and few elements are left to it";
 
@@ -107,7 +110,7 @@ pub fn chosen(caps: &Caps) -> Vec<KernelChoice> {
         sort_count: sort_count::Choice::prefer(caps), sort::why(caps);
         sort_scatter: sort_scatter::Choice::prefer(caps), sort::why(caps);
         sum_by_splat: sum_by_splat::Choice::default(), ELEMENTWISE;
-        surface_loss: surface_loss::Choice::default(), ELEMENTWISE;
+        surface_loss: surface_loss::Choice::default(), OF_SURFACES;
     }
 }
 

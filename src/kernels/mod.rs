@@ -16,6 +16,7 @@ pub mod rasterize;
 pub mod scan;
 pub mod selftest_lanes;
 pub mod sort;
+pub mod surface_loss;
 
 // A module above hides the generated one of its name.
 pub use generated::*;

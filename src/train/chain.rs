@@ -56,7 +56,7 @@ impl GeometryPass {
 
     /// Gradient of the terms by the frame's surface.
     pub(super) fn record(&self, rec: &mut Recorder<'_>, s: &Scratch, g: &Gradients, step: &Step<'_>) {
-        let [pixels, drawn] = [step.size, step.view.size].map(|[width, height]| width as usize * height as usize);
+        let pixels = step.size[0] as usize * step.size[1] as usize;
         let [normal, spread] = step.geometry.map(|weight| (f64::from(weight) / pixels as f64) as f32);
         self.loss.record(
             rec,
@@ -71,7 +71,7 @@ impl GeometryPass {
                 spread_scale: spread,
                 counted: step.rows.counted,
             },
-            self.loss.groups(drawn),
+            surface_loss::groups(step.view.size),
         );
         rec.timestamp("surface_loss");
     }

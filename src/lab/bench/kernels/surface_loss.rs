@@ -3,7 +3,7 @@
 use super::KernelCase;
 use crate::Result;
 use crate::gpu::Gpu;
-use crate::kernels::surface_loss::{Bindings, Choice, Params, SurfaceLoss};
+use crate::kernels::surface_loss::{self, Bindings, Choice, Params, SurfaceLoss};
 use crate::lab::bench::Work;
 use crate::lab::bench::check::{Output, floats, rms};
 use crate::lab::bench::input::random::{Random, single};
@@ -138,7 +138,7 @@ pub fn surface_loss<'a>(gpu: &Gpu, size: [u32; 2], with_spread: bool) -> Result<
             spread_scale: SPREAD,
             counted: [0, size[1]],
         };
-        kernel.record(rec, io, params, kernel.groups(count));
+        kernel.record(rec, io, params, surface_loss::groups(size));
     }))
 }
 
