@@ -18,7 +18,7 @@ layout(constant_id = 0) const uint WORKGROUP = 64;
 layout(constant_id = 1) const uint SH_DEGREE = 3;
 // Not 0: slots are not in splat order; the index gives each slot's splat.
 layout(constant_id = 2) const uint INDEXED = 0;
-// Not 0: surfels, with longer records.
+// SURFEL_NONE, SURFEL_ANY or SURFEL_MIP; surfels have longer records.
 layout(constant_id = 3) const uint SURFEL = 0;
 // Not 0: gradients by depths and normals as well, with longer records.
 layout(constant_id = 4) const uint WITH_SURFACE = 0;
@@ -107,7 +107,7 @@ void add_record(uint source, inout Sums sum, inout SurfelSums more, inout vec4 b
     if (TILTED) {
         [[unroll]] for (uint i = 0; i < REST_TILT; ++i) more.tilt[i] += d_rest_from_source[rest++];
     }
-    if (SURFEL != 0) {
+    if (SURFEL == SURFEL_ANY) {
         [[unroll]] for (uint i = 0; i < REST_SPOT; ++i) more.spot[i] += d_rest_from_source[rest++];
     }
     if (WITH_SURFACE != 0) {

@@ -24,7 +24,7 @@ void add_lanes(inout Sums sum, inout SurfelSums more, inout vec4 by_surface) {
         if (TILTED) {
             vec4 tilt_spot = from_across(vec4(more.tilt, more.spot.x), mask);
             more.tilt += tilt_spot.xyz;
-            more.spot += vec2(tilt_spot.w, subgroupShuffleXor(more.spot.y, mask));
+            if (SURFEL == SURFEL_ANY) more.spot += vec2(tilt_spot.w, subgroupShuffleXor(more.spot.y, mask));
         }
         if (WITH_SURFACE != 0) by_surface += from_across(by_surface, mask);
     }

@@ -51,7 +51,7 @@ SurfelSums surfel_sum_of_lanes(SurfelSums even, SurfelSums odd) {
     SurfelSums total = lane_surfel_sums[which][0];
     [[unroll]] for (uint i = 1; i < WORKGROUP; ++i) {
         total.tilt += lane_surfel_sums[which][i].tilt;
-        total.spot += lane_surfel_sums[which][i].spot;
+        if (SURFEL == SURFEL_ANY) total.spot += lane_surfel_sums[which][i].spot;
     }
     return total;
 }

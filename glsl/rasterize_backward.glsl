@@ -205,7 +205,7 @@ void store(uint source, Sums sums, SurfelSums more, vec4 by_surface) {
     if (TILTED) {
         [[unroll]] for (uint i = 0; i < REST_TILT; ++i) d_rest_from_source[rest++] = more.tilt[i];
     }
-    if (SURFEL != 0) {
+    if (SURFEL == SURFEL_ANY) {
         [[unroll]] for (uint i = 0; i < REST_SPOT; ++i) d_rest_from_source[rest++] = more.spot[i];
     }
     if (WITH_SURFACE != 0) {

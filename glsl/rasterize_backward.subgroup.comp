@@ -41,7 +41,7 @@ Sums sum_of_lanes(Sums even, Sums odd) {
 void add_surfel_from_across(inout SurfelSums mine, SurfelSums other, uint mask) {
     vec4 tilt_spot = from_across(vec4(other.tilt, other.spot.x), mask);
     mine.tilt += tilt_spot.xyz;
-    mine.spot += vec2(tilt_spot.w, subgroupShuffleXor(other.spot.y, mask));
+    if (SURFEL == SURFEL_ANY) mine.spot += vec2(tilt_spot.w, subgroupShuffleXor(other.spot.y, mask));
 }
 
 SurfelSums surfel_sum_of_lanes(SurfelSums even, SurfelSums odd) {

@@ -32,6 +32,11 @@ PlaneDepths plane_depths(PlaneColumn c, uint q) {
 PlaneDepths plane_depths(PlaneColumn c, Hits hits, float near_plane) {
     PlaneDepths at;
     at.depth = depth_of_hits(c, hits, near_plane);
+    if (SURFEL == SURFEL_MIP) {
+        at.by_mean = hits.w;
+        at.by_tilt = -at.depth * hits.w;
+        return at;
+    }
     at.by_mean = mix(at.depth / c.depth, vec4(0.0), lessThanEqual(at.depth, vec4(near_plane)));
     vec4 free = c.depth / max(hits.inverse, vec4(1e-6));
     at.by_tilt = mix(vec4(0.0), -at.depth * at.by_mean, equal(free, at.depth));

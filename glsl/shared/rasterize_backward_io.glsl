@@ -1,7 +1,7 @@
 // Constants, buffers and parameters of compositing's gradient; included by `rasterize_backward.comp` and its variants.
 
 layout(constant_id = 1) const float LOG2_ALPHA_MIN = -LOG2_255;
-// Not 0: surfels, with longer records.
+// SURFEL_NONE, SURFEL_ANY or SURFEL_MIP; surfels have longer records.
 layout(constant_id = 2) const uint SURFEL = 0;
 // Not 0: gradients by the planes' depths and normals as well, with longer records.
 layout(constant_id = 3) const uint WITH_SURFACE = 0;

@@ -9,7 +9,7 @@ layout(constant_id = 4) const uint WITH_ENDS = 1;
 layout(constant_id = 5) const uint WITH_SURFACE = 0;
 // Not 0: splats at a pixel's limit of depth or beyond do not count.
 layout(constant_id = 6) const uint WITH_LIMIT = 0;
-// Not 0: surfels.
+// SURFEL_NONE, SURFEL_ANY or SURFEL_MIP.
 layout(constant_id = 7) const uint SURFEL = 0;
 // Not 0: the splat at which each pixel's transmittance falls to 1/2, in place of its end.
 layout(constant_id = 8) const uint WITH_IDS = 0;

@@ -25,7 +25,7 @@ SurfelColumn surfel_column_of(Tile t, vec4 shape, vec2 whiten, vec3 plane, float
     c.zero = zero;
     c.row = tilt.y;
     c.nearest = depth / view.near_plane;
-    c.has_spot = view.compensate == 0;
+    c.has_spot = SURFEL == SURFEL_ANY && view.compensate == 0;
     return c;
 }
 
@@ -52,7 +52,7 @@ vec4 surfel_exponent(Column column, SurfelColumn c, uint q, vec4 f, out Hits hit
     hits.w = w;
     hits.residual = flat_residual;
     hits.is_spot = bvec4(false);
-    if (c.has_spot) {
+    if (SURFEL == SURFEL_ANY && c.has_spot) {
         precise vec4 d_y = surfel_d_y(c, q);
         precise vec4 spot = (2.0 * WHITEN * WHITEN) * (c.d.x * c.d.x + d_y * d_y);
         hits.is_spot = lessThan(spot, flat_residual);
@@ -73,6 +73,8 @@ vec3 drawn_plane(vec4 shape, vec2 whiten, vec3 plane) {
 
 // Depth of the plane at the pixels of a quad, but not beyond the surfel: where the spot counts, the plane is beyond it.
 vec4 depth_of_hits(PlaneColumn c, Hits hits, float near_plane) {
+    // Hits alone are within the surfel and in front of the near plane.
+    if (SURFEL == SURFEL_MIP) return c.depth * max(hits.w, vec4(1e-6));
     vec4 depth = c.depth / max(hits.inverse, vec4(1e-6));
     return clamp(depth, max(c.depth * (1.0 - c.range), near_plane), c.depth * (1.0 + c.range));
 }
@@ -89,14 +91,15 @@ struct SurfelMoments {
 // Adds the gradients s of a quad to both; to `m` by the residuals of the hits, w f.
 void add_surfel_moments(inout Moments m, inout SurfelMoments sums, SurfelColumn c, uint q, vec4 s, vec4 f, Hits hits) {
     vec4 d_y = surfel_d_y(c, q);
-    vec4 of_hit = mix(s, vec4(0.0), hits.is_spot);
-    vec4 of_spot = s - of_hit;
+    vec4 of_hit = SURFEL == SURFEL_ANY ? mix(s, vec4(0.0), hits.is_spot) : s;
     add_moments(m, of_hit * hits.w * hits.w, f);
     // Without a hit and without a spot alpha is 0, and so is s.
     vec4 kappa = of_hit * hits.residual * hits.w * (1.0 / (WHITEN * WHITEN));
     sums.s += s;
     sums.kappa += kappa;
     sums.kappa_y += kappa * d_y;
+    if (SURFEL != SURFEL_ANY) return;
+    vec4 of_spot = s - of_hit;
     sums.spot += of_spot;
     sums.spot_y += of_spot * d_y;
 }

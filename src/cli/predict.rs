@@ -184,7 +184,7 @@ impl PredictArgs {
         let [width, height] = self.size.unwrap_or(SIZE);
         let splats: usize = counts.iter().sum();
         let outputs = Outputs {
-            surfels: primitive == Primitive::Surfel,
+            surfels: primitive.into(),
             ..Outputs::default()
         };
         let bands = RowBands::for_drawing([width, height], outputs, limits.binding);

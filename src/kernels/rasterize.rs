@@ -3,6 +3,7 @@
 pub use super::generated::rasterize::*;
 use super::subgroups_help;
 use crate::gpu::{Caps, DeviceKind};
+use crate::layout::{SURFEL_ANY, SURFEL_MIP, SURFEL_NONE};
 use crate::shader::KernelInfo;
 
 /// True if a device composites a tile within one subgroup by `kernel`, and the lanes of a workgroup, with at least four
@@ -42,6 +43,28 @@ fn why(caps: &Caps, subgroup: &KernelInfo, best: &KernelInfo) -> &'static str {
     }
 }
 
+/// Surfels of a frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SurfelMode {
+    /// 3D Gaussians instead.
+    #[default]
+    Absent,
+    /// In either mode; each frame's own decides.
+    Any,
+    /// In mip mode alone, where they are never spots: shorter records, and fewer operations.
+    Mip,
+}
+
+impl From<SurfelMode> for u32 {
+    fn from(mode: SurfelMode) -> u32 {
+        match mode {
+            SurfelMode::Absent => SURFEL_NONE,
+            SurfelMode::Any => SURFEL_ANY,
+            SurfelMode::Mip => SURFEL_MIP,
+        }
+    }
+}
+
 /// Optional outputs of a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Outputs {
@@ -56,7 +79,7 @@ pub struct Outputs {
     /// Limits of depth, which are an input, but take memory and kernels of their own as outputs do.
     pub limit: bool,
     /// Surfels in place of 3D Gaussians, which take memory and kernels of their own, too.
-    pub surfels: bool,
+    pub surfels: SurfelMode,
     /// Splat at which each pixel's coverage reaches 1/2, in place of the end of its list; not by the rules of the 3DGS
     /// code.
     pub ids: bool,
@@ -70,13 +93,13 @@ impl Outputs {
         surface: false,
         spread: false,
         limit: false,
-        surfels: false,
+        surfels: SurfelMode::Absent,
         ids: false,
     };
 
     /// Whether frames need the planes of splats.
     pub fn has_planes(&self) -> bool {
-        self.surface || self.surfels
+        self.surface || self.surfels != SurfelMode::Absent
     }
 }
 

@@ -12,7 +12,7 @@ use super::scratch::{DEPTH_SORT, Scratch, tile_sort};
 use super::view::view_on;
 use crate::Result;
 use crate::gpu::{Buffer, Gpu, Groups, Recorder};
-use crate::kernels::rasterize::Outputs;
+use crate::kernels::rasterize::{Outputs, SurfelMode};
 use crate::kernels::scan::{Io as ScanBuffers, Scan, What};
 use crate::kernels::sort::{self, Layout, Sort};
 use crate::kernels::{compact, expand, gather, plan, project, ranges, rasterize, rasterize_inria, walker_bindings};
@@ -51,8 +51,8 @@ impl Forward {
             sh_degree,
             accuracy: *accuracy,
             primitive: match outputs.surfels {
-                true => Primitive::Surfel,
-                false => Primitive::Gaussian3d,
+                SurfelMode::Absent => Primitive::Gaussian3d,
+                SurfelMode::Any | SurfelMode::Mip => Primitive::Surfel,
             },
             ..RenderOptions::default()
         };

@@ -36,7 +36,7 @@ mod target;
 mod upload;
 mod view;
 
-pub use crate::kernels::rasterize::Outputs;
+pub use crate::kernels::rasterize::{Outputs, SurfelMode};
 pub use crate::layout::NO_SPLAT;
 pub use accuracy::Accuracy;
 #[cfg(feature = "train")]

@@ -4,7 +4,7 @@ use super::accuracy::Accuracy;
 use super::capacity::Capacity;
 use super::compatibility::Compatibility;
 use super::precision::Precision;
-use crate::kernels::rasterize::Outputs;
+use crate::kernels::rasterize::{Outputs, SurfelMode};
 use crate::scene::{Primitive, Projection};
 use crate::{Error, Result};
 
@@ -60,6 +60,15 @@ pub struct RenderOptions {
     pub compatibility: Compatibility,
 }
 
+impl From<Primitive> for SurfelMode {
+    fn from(primitive: Primitive) -> SurfelMode {
+        match primitive {
+            Primitive::Gaussian3d => SurfelMode::Absent,
+            Primitive::Surfel => SurfelMode::Any,
+        }
+    }
+}
+
 impl RenderOptions {
     /// Outputs besides the image.
     pub(crate) fn outputs(&self) -> Outputs {
@@ -69,7 +78,7 @@ impl RenderOptions {
             surface: self.with_surface,
             spread: false,
             limit: self.with_host_depth,
-            surfels: self.primitive == Primitive::Surfel,
+            surfels: self.primitive.into(),
             ids: self.with_ids,
         }
     }

@@ -52,7 +52,7 @@ buffers! {
 
 /// Number of planes: those of splats for surfaces, and those of surfels.
 fn plane_count(capacity: Capacity, outputs: Outputs) -> usize {
-    match outputs.surface || outputs.surfels {
+    match outputs.has_planes() {
         true => capacity.splats,
         false => 1,
     }

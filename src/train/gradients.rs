@@ -3,7 +3,7 @@
 use super::transients::PATCH_WORDS;
 use crate::Result;
 use crate::gpu::{Buffer, Gpu, PART_ALIGNMENT};
-use crate::kernels::rasterize::Outputs;
+use crate::kernels::rasterize::{Outputs, SurfelMode};
 use crate::layout::{
     D_SPREAD_PLANES, D_SURFACE_PLANES, REST_SPOT, REST_SURFACE, REST_TILT, SPREAD_PLANES, SURFACE_PLANES,
 };
@@ -28,8 +28,8 @@ buffers! {
 pub(crate) fn record_widths(outputs: Outputs) -> [usize; 3] {
     let part = |is_there: bool, width: u32| if is_there { width as usize } else { 0 };
     let rest = 1
-        + part(outputs.surfels || outputs.surface, REST_TILT)
-        + part(outputs.surfels, REST_SPOT)
+        + part(outputs.has_planes(), REST_TILT)
+        + part(outputs.surfels == SurfelMode::Any, REST_SPOT)
         + part(outputs.surface, REST_SURFACE);
     [4, 4, rest]
 }

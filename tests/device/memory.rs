@@ -3,7 +3,7 @@
 use ashfall::gpu::Gpu;
 use ashfall::lab::synth::{Kind, SynthOptions, scene};
 use ashfall::render::{
-    Capacity, Model, Outputs, RenderOptions, Renderer, Scratch, ViewOptions, isects_expected, total,
+    Capacity, Model, Outputs, RenderOptions, Renderer, Scratch, SurfelMode, ViewOptions, isects_expected, total,
 };
 use ashfall::scene::{Dataset, Primitive, ScreenFilter};
 use ashfall::simplify::{AutoRun, CountController, controller_needs, for_auto_count};
@@ -45,7 +45,7 @@ const ALL: Outputs = Outputs {
     surface: true,
     spread: true,
     limit: true,
-    surfels: true,
+    surfels: SurfelMode::Any,
     ids: true,
 };
 

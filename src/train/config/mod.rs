@@ -17,7 +17,7 @@ pub use auto::AutoConfig;
 pub use groups::{AdamConfig, AdcConfig, GeometryConfig, InitConfig, LearningRates, McmcConfig, MipConfig};
 pub use groups::{PoseConfig, RefineTimes, SkyConfig, TransientConfig};
 
-use crate::kernels::rasterize::Outputs;
+use crate::kernels::rasterize::{Outputs, SurfelMode};
 use crate::render::Accuracy;
 use crate::scene::{Primitive, ScreenFilter};
 use serde::{Deserialize, Serialize};
@@ -298,7 +298,10 @@ impl TrainConfig {
     /// The same without those of terms.
     pub(crate) fn plain_outputs(&self) -> Outputs {
         Outputs {
-            surfels: self.kind == Primitive::Surfel,
+            surfels: match (self.kind, self.filter) {
+                (Primitive::Surfel, ScreenFilter::Mip) => SurfelMode::Mip,
+                (kind, _) => kind.into(),
+            },
             ..Outputs::TRAINING
         }
     }

@@ -7,7 +7,7 @@ use crate::common::scenes::{self, Scene};
 use crate::kernels::LANES;
 use ashfall::gpu::{DeviceKind, Gpu};
 use ashfall::kernels::Kernel;
-use ashfall::kernels::rasterize::{Bindings, Choice, Outputs, Params, Rasterize, Variant};
+use ashfall::kernels::rasterize::{Bindings, Choice, Outputs, Params, Rasterize, SurfelMode, Variant};
 use ashfall::lab::bench::kernels::composite::rasterize;
 use ashfall::lab::bench::kernels::{Composite, CompositeBuffers};
 use ashfall::layout::{COUNT_BAND_END, COUNT_VISIBLE, SPREAD_PLANES};
@@ -46,9 +46,13 @@ fn capped() -> Scene {
 }
 
 /// Surfels with spots, and with the mip filter.
-pub(crate) fn surfels() -> [(&'static str, Scene); 2] {
-    [("spots", ScreenFilter::Classic), ("mip", ScreenFilter::Mip)]
-        .map(|(name, filter)| (name, scenes::flattened(scenes::gentle(23, 80, 65, 47, 0), filter)))
+pub(crate) fn surfels() -> [(&'static str, SurfelMode, Scene); 3] {
+    [
+        ("spots", SurfelMode::Any, ScreenFilter::Classic),
+        ("mip", SurfelMode::Any, ScreenFilter::Mip),
+        ("mip alone", SurfelMode::Mip, ScreenFilter::Mip),
+    ]
+    .map(|(name, mode, filter)| (name, mode, scenes::flattened(scenes::gentle(23, 80, 65, 47, 0), filter)))
 }
 
 pub(crate) fn cases() -> Vec<(&'static str, Scene)> {
@@ -68,7 +72,8 @@ pub(crate) fn cases() -> Vec<(&'static str, Scene)> {
 
 /// The cases, and those of surfels, by tiles of the engine.
 pub(crate) fn composites_of_kinds() -> Vec<(&'static str, Composite)> {
-    let scenes = cases().into_iter().chain(surfels());
+    let surfels = surfels().into_iter().filter(|(_, mode, _)| *mode == SurfelMode::Any);
+    let scenes = cases().into_iter().chain(surfels.map(|(name, _, scene)| (name, scene)));
     scenes.map(|(name, scene)| (name, Composite::of(scene))).collect()
 }
 
@@ -217,17 +222,17 @@ fn pixels_are_composited() {
 fn surfels_are_composited() {
     let gpu = device::gpu();
     let mut check = Check::new("rasterize");
-    let outputs = Outputs {
+    let outputs = |surfels| Outputs {
         depth: true,
         surface: true,
         spread: true,
-        surfels: true,
+        surfels,
         ..Outputs::TRAINING
     };
-    let composites = surfels().map(|(name, scene)| (name, Composite::of(scene)));
+    let composites = surfels().map(|(name, mode, scene)| (name, mode, Composite::of(scene)));
     let cases: Vec<_> = composites
         .iter()
-        .map(|(name, of)| (*name, rasterize(&gpu, of, outputs).unwrap()))
+        .map(|(name, mode, of)| (*name, rasterize(&gpu, of, outputs(*mode)).unwrap()))
         .collect();
     check.cases(&gpu, LANES, &cases);
     check.finish();

@@ -38,9 +38,12 @@ fn every_intersection_gets_its_gradient() {
 fn surfels_get_the_gradients_of_their_colours_and_alphas() {
     let gpu = device::gpu();
     let mut check = Check::new("rasterize_backward");
-    let composites = surfels().map(|(name, scene)| (name, Composite::of(scene)));
-    let case = |of| surfels_backward(&gpu, of, Gradient::of_surfels(of, 1), SURFEL_TOLERANCE).unwrap();
-    let cases: Vec<_> = composites.iter().map(|(name, of)| (*name, case(of))).collect();
+    let composites = surfels().map(|(name, mode, scene)| (name, mode, Composite::of(scene)));
+    let case = |of, mode| surfels_backward(&gpu, of, Gradient::of_surfels(of, 1), mode, SURFEL_TOLERANCE).unwrap();
+    let cases: Vec<_> = composites
+        .iter()
+        .map(|(name, mode, of)| (*name, case(of, *mode)))
+        .collect();
     check.cases(&gpu, LANES, &cases);
     check.finish();
 }

@@ -4,6 +4,7 @@ use super::KernelCase;
 use super::composite::{Composite, CompositeBuffers};
 use crate::Result;
 use crate::gpu::{Buffer, Gpu, Recorder};
+use crate::kernels::rasterize::SurfelMode;
 use crate::kernels::{Kernel, baseline_16x16_backward, rasterize_backward, walker_bindings};
 use crate::lab::bench::check::{Output, rms};
 use crate::lab::bench::input::pack;
@@ -236,6 +237,7 @@ pub fn surfels_backward<'a>(
     gpu: &Gpu,
     composite: &Composite,
     gradient: impl Into<Rc<Gradient>>,
+    mode: SurfelMode,
     tolerance: f64,
 ) -> Result<KernelCase<'a, rasterize_backward::RasterizeBackward>> {
     let gradient = gradient.into();
@@ -243,13 +245,14 @@ pub fn surfels_backward<'a>(
     let (input, isects) = (CompositeBuffers::new(gpu, composite)?, composite.lists.isects.len());
     let shape = gpu.buffer::<[f32; 4]>("d_shape", isects)?;
     let tone = gpu.buffer::<[f32; 4]>("d_tone", isects)?;
-    let width = 1 + (REST_TILT + REST_SPOT) as usize;
+    let spot = if mode == SurfelMode::Any { REST_SPOT } else { 0 };
+    let width = 1 + (REST_TILT + spot) as usize;
     let rest = gpu.buffer::<f32>("d_rest", width * isects)?;
     let judge = move |quantities, found: &[f32]| columns(&gradient.sums_from_source, quantities, found, tolerance);
     let (judge_tone, judge_rest) = (judge.clone(), judge.clone());
     let case = case
         .without("blocks")
-        .tune(|choice: &mut rasterize_backward::Choice| choice.spec.surfel = 1)
+        .tune(move |choice: &mut rasterize_backward::Choice| choice.spec.surfel = mode.into())
         .compare(&shape, move |found| {
             judge(0..1, &found.iter().map(|row| row[0]).collect::<Vec<_>>())
         })

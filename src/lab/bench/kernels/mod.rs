@@ -168,7 +168,13 @@ fn by_tile(bench: &mut Bench, name: &str, count: usize, size: [u32; 2], sigma: f
     })?;
     time(bench, lanes, &named, |gpu| {
         let gradient = Gradient::of_surfels(&surfels, SAMPLED);
-        gradient::surfels_backward(gpu, &surfels, gradient, SURFEL_TOLERANCE)
+        gradient::surfels_backward(
+            gpu,
+            &surfels,
+            gradient,
+            surfels.kernel_outputs().surfels,
+            SURFEL_TOLERANCE,
+        )
     })?;
     let kinds: [(&str, &dyn Deref<Target = Composite>); 2] = [(name, &engine), (&named, &surfels)];
     for (name, lists) in kinds {
