@@ -7,6 +7,7 @@ use ashfall::lab::bench::Bench;
 use ashfall::lab::bench::frame::{self, FramePlan};
 use ashfall::lab::bench::train::{self, TrainPlan};
 use ashfall::lab::synth::{Kind, SynthOptions, scene};
+use ashfall::scene::Primitive;
 use common::Outcome;
 
 fn main() -> Outcome<()> {
@@ -38,6 +39,7 @@ fn frames_and_steps(bench: &mut Bench) -> Outcome<()> {
         steps: 100,
         warm_up: 20,
         sh_degree: 3,
+        kind: Primitive::Gaussian3d,
         scene: None,
         budgets: Vec::new(),
     };

@@ -78,6 +78,15 @@ pub(in crate::cli) enum KindArg {
     Surfel,
 }
 
+impl From<KindArg> for Primitive {
+    fn from(kind: KindArg) -> Primitive {
+        match kind {
+            KindArg::Gaussian3d => Primitive::Gaussian3d,
+            KindArg::Surfel => Primitive::Surfel,
+        }
+    }
+}
+
 /// Rendering mode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(in crate::cli) enum ModeArg {
@@ -134,11 +143,7 @@ impl ConfigArgs {
                 AgainstArg::Transients => config.against_transients(),
             };
         }
-        let kind = match self.kind {
-            None => config.kind,
-            Some(KindArg::Gaussian3d) => Primitive::Gaussian3d,
-            Some(KindArg::Surfel) => Primitive::Surfel,
-        };
+        let kind = self.kind.map_or(config.kind, Primitive::from);
         config = config.with_kind(kind);
         config.seed = self.seed.unwrap_or(config.seed);
         config.filter = match self.mode {

@@ -4,6 +4,7 @@ use super::{OutputArgs, Report, budget};
 use crate::Result;
 use crate::cli::Outcome;
 use crate::cli::args::{DataArgs, DeviceArgs};
+use crate::cli::configure::KindArg;
 use crate::cli::output::{bytes, grouped};
 use crate::cli::parse;
 use crate::cli::render::orbit::{orbit_of_splats, radius};
@@ -14,7 +15,7 @@ use crate::lab::bench::budget::{PUBLISHED, PublishedLimits};
 use crate::lab::bench::frame::{self, FramePlan, Scaling, ScalingPoint};
 use crate::lab::bench::growth::Exponent;
 use crate::lab::bench::train::{self, TrainMemory, TrainPlan};
-use crate::scene::{Camera, Splats};
+use crate::scene::{Camera, Primitive, Splats};
 use crate::train::TrainConfig;
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
@@ -87,6 +88,9 @@ pub(super) struct BenchTrainArgs {
     /// Degree of the harmonics, 0 to 3
     #[arg(long, value_name = "D", default_value_t = 3, value_parser = clap::value_parser!(u32).range(0..=3))]
     sh_degree: u32,
+    /// Kind of splats from the data set's points [default: 3d]; a scene has its own
+    #[arg(long, value_name = "KIND", conflicts_with = "init")]
+    kind: Option<KindArg>,
     /// Print each stage's bytes and operations, and the least time they take by the published limits of these devices
     #[arg(long, value_name = "DEVICE,…", value_delimiter = ',', value_parser = published())]
     budget: Vec<PublishedLimits>,
@@ -145,6 +149,7 @@ pub(super) fn train(args: &BenchTrainArgs) -> Result<Outcome> {
         steps: args.steps,
         warm_up: args.warm_up,
         sh_degree: args.sh_degree,
+        kind: args.kind.map_or(Primitive::Gaussian3d, Primitive::from),
         scene,
         budgets: args.budget.clone(),
     };

@@ -1,8 +1,8 @@
 //! `ashfall bench train`: whole training steps by splat count, on the photographs of a data set.
 //!
-//! Steps are those of a run: loss with D-SSIM, Adam, all SH degrees, two steps in flight, and a wait at the end of
-//! each part of the run; without refinement, so that the splat count is constant. Processor time is that of the whole
-//! process, user and system, over these steps.
+//! Steps are those of a run: loss with D-SSIM, Adam, all SH degrees, surfels with their term of normals, two steps in
+//! flight, and a wait at the end of each part of the run; without refinement, so that the splat count is constant.
+//! Processor time is that of the whole process, user and system, over these steps.
 
 use super::CpuClock;
 use super::budget::{PublishedLimits, StepBudget, StepLoad};
@@ -10,11 +10,11 @@ use super::frame::{Scaling, case, exponents, note_memory, point};
 use super::input::volume;
 use super::row::BenchRow;
 use super::session::{Bench, Times};
-use crate::Result;
 use crate::layout::COLOR_STEPS;
-use crate::scene::{Dataset, Splats, Split};
+use crate::scene::{Dataset, Primitive, Splats, Split};
 use crate::stats::mean;
 use crate::train::{HostState, StepReport, TrainConfig, Trainer, initial_splats, schedule};
+use crate::{Error, Result};
 use serde::Serialize;
 use std::time::Instant;
 
@@ -32,7 +32,9 @@ pub struct TrainPlan {
     pub warm_up: u32,
     /// SH degree.
     pub sh_degree: u32,
-    /// Initial scene in place of the data set's points; sampled to each splat count.
+    /// Kind of splats from the data set's points.
+    pub kind: Primitive,
+    /// Initial scene in place of the data set's points, of its own kind; sampled to each splat count.
     pub scene: Option<Splats>,
     /// Devices whose least times are computed.
     pub budgets: Vec<PublishedLimits>,
@@ -68,7 +70,8 @@ pub struct StepCosts {
 /// Measures.
 ///
 /// # Errors
-/// Those of the data set and of Vulkan; a scene too large for the device is a point with a fault.
+/// Those of the data set and of Vulkan, and budgets of surfels; a scene too large for the device is a point with a
+/// fault.
 pub fn run(bench: &mut Bench, dataset: &Dataset, plan: &TrainPlan) -> Result<StepCosts> {
     let mut costs = StepCosts::default();
     let views = dataset.split(Split::Train);
@@ -78,12 +81,15 @@ pub fn run(bench: &mut Bench, dataset: &Dataset, plan: &TrainPlan) -> Result<Ste
     });
     let size = sizes.max_by_key(|s| s[0] * s[1]).unwrap_or([1, 1]);
     let config = config(plan);
+    if config.kind == Primitive::Surfel && !plan.budgets.is_empty() {
+        return Err(Error::Config("--budget knows steps of 3D Gaussians alone".into()));
+    }
     let first = match &plan.scene {
         Some(scene) => scene.clone(),
         None => initial_splats(dataset, dataset.extent(), &config)?,
     };
     for &count in &plan.splats {
-        if !bench.wants(&case("step", count, size)) {
+        if !bench.wants(&case(task(config.kind), count, size)) {
             continue;
         }
         let splats = volume::exactly(&first, count, 1);
@@ -100,9 +106,22 @@ pub fn run(bench: &mut Bench, dataset: &Dataset, plan: &TrainPlan) -> Result<Ste
     Ok(costs)
 }
 
-/// Constants of a long run without refinement.
+/// Name of a step's rows.
+fn task(kind: Primitive) -> &'static str {
+    match kind {
+        Primitive::Gaussian3d => "step",
+        Primitive::Surfel => "surfel_step",
+    }
+}
+
+/// Constants of a long run without refinement, and with its terms of geometry from the first step on.
 fn config(plan: &TrainPlan) -> TrainConfig {
-    let mut config = TrainConfig::for_iterations(30_000);
+    let mut config = TrainConfig::for_iterations(30_000).with_kind(plan.kind);
+    if let Some(scene) = &plan.scene {
+        config = config.with_kind(scene.primitive);
+        config.filter = scene.filter;
+    }
+    config.geometry.normal_from = 0.0;
     config.sh_degree = plan.sh_degree;
     config.sh_degree_from = [0; 3];
     config.refine.from = config.iterations;
@@ -135,7 +154,7 @@ fn steps(
             cpu_ns: clock.elapsed_ns().map(|ns| ns * each),
         });
     }
-    let case = case("step", splats.len(), size);
+    let case = case(task(config.kind), splats.len(), size);
     let row = bench.keep(&case, &runs);
     let (mut staged, mut reports) = (Vec::new(), Vec::new());
     for _ in 0..STAGED {
