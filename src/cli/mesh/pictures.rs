@@ -6,9 +6,10 @@ use crate::cli::output::{Output, figure, file_stem};
 use crate::cli::render::picture::normal_picture;
 use crate::gpu::Gpu;
 use crate::lab::report::side_by_side;
-use crate::mesh::draw;
-use crate::metrics::MeanScore;
+use crate::mesh::{MeshPicture, draw};
+use crate::metrics::{Image, MeanScore, Target, psnr_db};
 use crate::scene::{Dataset, Mesh, Splats};
+use crate::stats::mean;
 use serde::Serialize;
 use std::path::Path;
 
@@ -17,20 +18,63 @@ use std::path::Path;
 pub(super) struct MeshScores {
     pub(super) mesh: MeanScore,
     pub(super) splats: MeanScore,
+    pub(super) covered: CoveredScores,
+}
+
+/// Means of views over the pixels that the mesh covers.
+#[derive(Debug, Serialize)]
+pub(super) struct CoveredScores {
+    /// Share of the photographs' pixels.
+    pub(super) share: f64,
+    /// `None` if it covers none.
+    pub(super) mesh_psnr_db: Option<f64>,
+    pub(super) splats_psnr_db: Option<f64>,
 }
 
 impl MeshScores {
     /// One line of text, with its beginning.
     pub(super) fn line(&self) -> String {
-        let MeshScores { mesh, splats } = self;
+        let MeshScores { mesh, splats, covered } = self;
         format!(
-            "\n{} views: mesh {} dB, SSIM {}; splats {} dB, SSIM {}",
+            "\n{} views: mesh {} dB, SSIM {}; splats {} dB, SSIM {}\nover the {:.1} % of their pixels that the mesh covers: \
+             mesh {} dB, splats {} dB",
             mesh.views,
             figure(mesh.psnr_db, 2),
             figure(mesh.ssim, 4),
             figure(splats.psnr_db, 2),
-            figure(splats.ssim, 4)
+            figure(splats.ssim, 4),
+            100.0 * covered.share,
+            figure(covered.mesh_psnr_db, 2),
+            figure(covered.splats_psnr_db, 2)
         )
+    }
+}
+
+impl CoveredScores {
+    /// Share, and PSNR of mesh and splats, of a view.
+    fn of_view(target: &Target, mesh: &MeshPicture, splats: &[[f32; 3]]) -> [f64; 3] {
+        let whole = target.weights.clone().unwrap_or_else(|| vec![1.0; mesh.depth.len()]);
+        let seen = whole.iter().zip(&mesh.depth);
+        let weights: Vec<f32> = seen
+            .map(|(weight, depth)| if depth.is_finite() { *weight } else { 0.0 })
+            .collect();
+        let sum = |of: &[f32]| of.iter().copied().map(f64::from).sum::<f64>();
+        let [photo, mesh, splats] =
+            [&target.rgb, &mesh.rgb, splats].map(|rgb| Image::new(target.width, target.height, rgb));
+        let psnr = |of| psnr_db(of, photo, Some(&weights));
+        [sum(&weights) / sum(&whole), psnr(mesh), psnr(splats)]
+    }
+
+    fn of(views: &[[f64; 3]]) -> CoveredScores {
+        let [share, mesh_psnr_db, splats_psnr_db] = [0, 1, 2].map(|of| {
+            let finite: Vec<f64> = views.iter().map(|view| view[of]).filter(|x| x.is_finite()).collect();
+            (!finite.is_empty()).then(|| mean(&finite))
+        });
+        CoveredScores {
+            share: share.unwrap_or(0.0),
+            mesh_psnr_db,
+            splats_psnr_db,
+        }
     }
 }
 
@@ -63,12 +107,18 @@ pub(super) fn write(
         )?;
         bar.inc(1);
         let score = target.score(&evaluated.view.name, &picture.rgb);
-        Ok([score, evaluated.score()])
+        let covered = CoveredScores::of_view(target, &picture, &evaluated.rendered.rgb);
+        Ok(([score, evaluated.score()], covered))
     })?;
     bar.finish_and_clear();
+    let (scores, covered): (Vec<_>, Vec<_>) = scores.into_iter().unzip();
     let [mesh, splats] = [0, 1].map(|of| {
         let scores: Vec<_> = scores.iter().map(|pair| pair[of].clone()).collect();
         MeanScore::of(&scores)
     });
-    Ok(MeshScores { mesh, splats })
+    Ok(MeshScores {
+        mesh,
+        splats,
+        covered: CoveredScores::of(&covered),
+    })
 }

@@ -70,6 +70,11 @@ fn a_ball_becomes_a_mesh_and_is_scored() {
         scores["mesh"]["views"] == 2 && (of_mesh - of_splats).abs() < 1.0,
         "{made}"
     );
+    // The ball is 17 of 45 × 34 pixels wide, and its mesh covers no more than that.
+    let of_covered = |key: &str| scores["covered"][key].as_f64().unwrap();
+    assert!((0.11..0.18).contains(&of_covered("share")), "{made}");
+    let [of_mesh, of_splats] = ["mesh_psnr_db", "splats_psnr_db"].map(of_covered);
+    assert!((of_mesh - of_splats).abs() < 1.0, "{made}");
     let files: Vec<_> = fs::read_dir(&pictures).unwrap().collect();
     assert_eq!(files.len(), 2);
     let picture = image::open(files[0].as_ref().unwrap().path()).unwrap();
