@@ -65,17 +65,19 @@ const float QUATERNION_MIN = 1e-18;
 const float COLOR_MAX = 1e6;
 
 // Planes of a frame's surfaces, of one float a pixel: sum of weight * z; z of the splat that takes the transmittance
-// from above 1/2 to 1/2 or below, else 0; sums of weight * unit normal toward the camera, in view axes x, y, z.
+// from above 1/2 to 1/2 or below, else 0; sums of weight * unit normal toward the camera, in view axes x, y, z; sum of
+// z times the part of the weight that is between transmittances of 3/4 and 1/4.
 const uint SURFACE_DEPTH = 0;
 const uint SURFACE_MEDIAN = 1;
 const uint SURFACE_NORMAL = 2;
-const uint SURFACE_PLANES = 5;
+const uint SURFACE_MIDDLE = 5;
+const uint SURFACE_PLANES = 6;
 // Further planes for the spread of depths in a pixel: depth of its first splat, else 0; sums of weight * m and weight *
 // m^2 with m = ln(z / that depth).
-const uint SURFACE_FIRST = 5;
-const uint SURFACE_LOG = 6;
-const uint SURFACE_LOG_SQUARE = 7;
-const uint SPREAD_PLANES = 8;
+const uint SURFACE_FIRST = 6;
+const uint SURFACE_LOG = 7;
+const uint SURFACE_LOG_SQUARE = 8;
+const uint SPREAD_PLANES = 9;
 
 // Planes of the gradient of a frame after those by red, green and blue: by the coverage, by the sum of weight * z, and
 // by the sums of weight * normal.

@@ -50,9 +50,9 @@ pub(super) struct MeshArgs {
     /// Close the mesh: unseen parts are solid, and a surface seen from one side gets a back
     #[arg(long)]
     closed: bool,
-    /// Depth of a pixel. median: on one surface, in steps; expected: smooth, between surfaces at borders; means: that
-    /// of the splats' means, for comparison
-    #[arg(long, value_name = "DEPTH", default_value = "median")]
+    /// Depth of a pixel. interquartile: mean of the middle half, smooth; median: on one surface, in steps; expected:
+    /// mean of all, between surfaces at borders; means: that of the splats' means, for comparison
+    #[arg(long, value_name = "DEPTH", default_value = "interquartile")]
     depth: DepthArg,
     /// Views to fuse
     #[arg(long, value_name = "SPLIT", default_value = "all")]
@@ -85,6 +85,7 @@ Examples:
 /// Depth of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum DepthArg {
+    Interquartile,
     Median,
     Expected,
     Means,
@@ -167,6 +168,7 @@ fn map_of(camera: &Camera, picture: &RenderedImage, depth: DepthArg) -> DepthMap
     };
     let means;
     let depth = match depth {
+        DepthArg::Interquartile => &surface.interquartile_depth,
         DepthArg::Median => &surface.median_depth,
         DepthArg::Expected => &surface.expected_depth,
         DepthArg::Means => {

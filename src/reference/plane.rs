@@ -153,6 +153,8 @@ pub struct SurfacePixel<R = f64> {
     pub depth: R,
     /// Depth of the splat at which the coverage reaches ½; 0 if it does not.
     pub median: R,
+    /// Σ part · z, with the part of each weight between coverages of ¼ and ¾; world units.
+    pub middle: R,
     /// Σ weight · normal in the view.
     pub normal: Vec3<R>,
     /// Depth of the first splat, 0 without one.
@@ -163,6 +165,15 @@ pub struct SurfacePixel<R = f64> {
     pub log: R,
     /// Least |coverage − ½| before or behind a splat: how near the median is to that of another splat.
     pub margin: f64,
+}
+
+/// A coverage, held between the quartiles.
+fn within_quartiles<R: Real>(coverage: R) -> R {
+    match coverage.value() {
+        low if low < 0.25 => R::of(0.25),
+        high if high > 0.75 => R::of(0.75),
+        _ => coverage,
+    }
 }
 
 /// The surface of a pixel over splats in the given order, nearest first.
@@ -179,6 +190,7 @@ pub fn surface<R: Real>(
         coverage: zero,
         depth: zero,
         median: zero,
+        middle: zero,
         normal: [zero; 3],
         first: zero,
         spread: zero,
@@ -194,6 +206,7 @@ pub fn surface<R: Real>(
         if pixel.coverage.value() < 0.5 && behind.value() >= 0.5 {
             pixel.median = z;
         }
+        pixel.middle = pixel.middle + (within_quartiles(behind) - within_quartiles(pixel.coverage)) * z;
         if logs.is_empty() {
             pixel.first = z;
         }

@@ -146,7 +146,7 @@ fn frames_agree_with_the_reference() {
         let order: Vec<usize> = (0..splats.len()).collect();
         let margins = discontinuity_margins(&scene.splats, &scene.camera, &scene.options);
         let world_from_view = scene.camera.rotation.transpose();
-        let (mut surfaces, mut worst) = (0, [0.0f64; 3]);
+        let (mut surfaces, mut worst) = (0, [0.0f64; 4]);
         for (i, margin) in margins.iter().enumerate() {
             let thresholds = &scene.options.thresholds;
             let expected = surface(&splats, &planes, &order, center(i, 97), thresholds, &view);
@@ -155,7 +155,11 @@ fn frames_agree_with_the_reference() {
                 continue;
             }
             if coverage < 0.5 {
-                let all = [found.expected_depth[i], found.median_depth[i]];
+                let all = [
+                    found.expected_depth[i],
+                    found.median_depth[i],
+                    found.interquartile_depth[i],
+                ];
                 assert!(all.iter().chain(&found.normal[i]).all(|x| x.is_nan()), "pixel {i}");
                 continue;
             }
@@ -163,12 +167,14 @@ fn frames_agree_with_the_reference() {
             let normal = (world_from_view * DVec3::from(expected.normal)).normalize();
             let off = DVec3::from(found.normal[i].map(f64::from)) - normal;
             let mean = expected.depth / coverage;
+            let middle = expected.middle / (expected.coverage.min(0.75) - 0.25);
             let errors = [
                 (f64::from(found.expected_depth[i]) / mean - 1.0).abs(),
                 (f64::from(found.median_depth[i]) / expected.median - 1.0).abs(),
                 off.length() * DVec3::from(expected.normal).length(),
+                (f64::from(found.interquartile_depth[i]) / middle - 1.0).abs(),
             ];
-            worst = [0, 1, 2].map(|k| worst[k].max(errors[k]));
+            worst = [0, 1, 2, 3].map(|k| worst[k].max(errors[k]));
         }
         println!("seed {seed}: {surfaces} surfaces, worst {worst:?}");
         assert!(surfaces > 500, "{surfaces} pixels with a surface");

@@ -14,11 +14,12 @@ use serde::Serialize;
 use serde_json::json;
 use std::path::Path;
 
-/// Scores of a view by both depths of a picture.
+/// Scores of a view by the depths of a picture.
 #[derive(Serialize)]
 struct ViewSurface {
     view: String,
     median: SurfaceScore,
+    interquartile: SurfaceScore,
     expected: SurfaceScore,
 }
 
@@ -62,18 +63,21 @@ pub(super) fn run(
     }
     let mean = |of: fn(&ViewSurface) -> SurfaceScore| SurfaceScore::average(&scores.iter().map(of).collect::<Vec<_>>());
     let (median, expected) = (mean(|view| view.median), mean(|view| view.expected));
-    Output { json: args.json }.result(
-        table(scores.len(), [("median", &median), ("expected", &expected)]),
-        || {
-            json!({
-                "scene": args.scene,
-                "depths": truth,
-                "splat_count": splats.len(),
-                "mean": {"median": median, "expected": expected},
-                "views": scores,
-            })
-        },
-    );
+    let interquartile = mean(|view| view.interquartile);
+    let named = [
+        ("median", &median),
+        ("interquartile", &interquartile),
+        ("expected", &expected),
+    ];
+    Output { json: args.json }.result(table(scores.len(), named), || {
+        json!({
+            "scene": args.scene,
+            "depths": truth,
+            "splat_count": splats.len(),
+            "mean": {"median": median, "interquartile": interquartile, "expected": expected},
+            "views": scores,
+        })
+    });
     Ok(Outcome::Done)
 }
 
@@ -90,11 +94,12 @@ fn score(view: &str, picture: &RenderedImage, exact: &DepthImage) -> Option<View
     Some(ViewSurface {
         view: view.to_owned(),
         median: by(&surface.median_depth),
+        interquartile: by(&surface.interquartile_depth),
         expected: by(&surface.expected_depth),
     })
 }
 
-fn table(views: usize, means: [(&str, &SurfaceScore); 2]) -> String {
+fn table(views: usize, means: [(&str, &SurfaceScore); 3]) -> String {
     let (_, first) = means[0];
     let mut text = format!(
         "{views} views; {:.1} % of the pixels left out near borders, {:.2} % of the others without a surface",
@@ -103,7 +108,7 @@ fn table(views: usize, means: [(&str, &SurfaceScore); 2]) -> String {
     );
     for (name, score) in means {
         text += &format!(
-            "\n{name:9} depth: error mean {:.3} %, median {:.3} %, signed median {:+.3} %; within 1 %: {:.1} %",
+            "\n{name:13} depth: error mean {:.3} %, median {:.3} %, signed median {:+.3} %; within 1 %: {:.1} %",
             100.0 * score.depth_mean,
             100.0 * score.depth_median,
             100.0 * score.depth_bias,

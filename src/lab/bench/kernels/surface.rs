@@ -106,15 +106,17 @@ impl Composite {
         let depth = planes(0, 1, &|_, pixel| self.pixels[pixel].surface.depth);
         let median = planes(1, 2, &|_, pixel| self.pixels[pixel].surface.median);
         let normal = planes(2, 5, &|plane, pixel| self.pixels[pixel].surface.normal[plane - 2]);
-        let first = planes(5, 6, &|_, pixel| self.pixels[pixel].surface.first);
-        let logs = planes(6, 8, &|plane, pixel| {
+        let middle = planes(5, 6, &|_, pixel| self.pixels[pixel].surface.middle);
+        let first = planes(6, 7, &|_, pixel| self.pixels[pixel].surface.first);
+        let logs = planes(7, 9, &|plane, pixel| {
             let at = &self.pixels[pixel].surface;
             let square = at.spread + at.log * at.log;
-            at.coverage * if plane == 6 { at.log } else { square }
+            at.coverage * if plane == 7 { at.log } else { square }
         });
         vec![
-            Output::relative("first depth", part(5, 6), first, 2e-5, range).near(near(1), range, 0.01),
-            Output::relative("logarithms", part(6, 8), logs, 1e-4, 3.0).near(near(2), 10.0, 0.01),
+            Output::relative("first depth", part(6, 7), first, 2e-5, range).near(near(1), range, 0.01),
+            Output::relative("logarithms", part(7, 9), logs, 1e-4, 3.0).near(near(2), 10.0, 0.01),
+            Output::relative("middle depth", part(5, 6), middle, 2e-5, range).near(near(1), range / 255.0, 0.01),
             Output::relative("plane depth", part(0, 1), depth, 2e-5, range).near(near(1), range / 255.0, 0.01),
             Output::relative("median depth", part(1, 2), median, 2e-5, range).near(
                 half_way.collect(),
