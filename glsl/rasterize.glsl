@@ -32,13 +32,13 @@ vec4 blue[QUADS];
 vec4 far[QUADS];
 uvec4 last[QUADS];
 // Of the splats' planes: sums of weighted depths and normals, depth where the transmittance falls to 1/2, and sum of
-// depths by their parts of the middle half.
+// depths by their parts between transmittances of 3/4 and 1/4.
 vec4 plane_depth[QUADS];
 vec4 median[QUADS];
 vec4 normal_x[QUADS];
 vec4 normal_y[QUADS];
 vec4 normal_z[QUADS];
-vec4 middle[QUADS];
+vec4 interquartile[QUADS];
 // Depth of the first plane, and sums of the logarithms of depths over it.
 vec4 first[QUADS];
 vec4 log_sum[QUADS];
@@ -75,7 +75,7 @@ void add_log(uint q, vec4 alpha, vec4 depths) {
 }
 
 // Part of an alpha's weight that is between transmittances of 3/4 and 1/4.
-vec4 middle_part(uint q, vec4 alpha) {
+vec4 interquartile_part(uint q, vec4 alpha) {
     vec4 behind = transmittance[q] * (vec4(1.0) - alpha);
     return clamp(transmittance[q], vec4(0.25), vec4(0.75)) - clamp(behind, vec4(0.25), vec4(0.75));
 }
@@ -88,7 +88,7 @@ void add_plane(uint q, vec4 alpha, vec4 depths, vec3 normal) {
     normal_y[q] += weight * normal.y;
     normal_z[q] += weight * normal.z;
     median[q] = mix(median[q], depths, passes_half(q, alpha));
-    middle[q] += middle_part(q, alpha) * depths;
+    interquartile[q] += interquartile_part(q, alpha) * depths;
 }
 
 void blend(Tile t, uint isect, Staged splat, vec3 plane) {
@@ -169,7 +169,7 @@ void begin_pixels(Tile t) {
         red[q] = green[q] = blue[q] = far[q] = vec4(0.0);
         last[q] = uvec4(0);
         plane_depth[q] = median[q] = normal_x[q] = normal_y[q] = normal_z[q] = vec4(0.0);
-        middle[q] = vec4(0.0);
+        interquartile[q] = vec4(0.0);
         first[q] = log_sum[q] = log_square[q] = vec4(0.0);
     }
 }
@@ -180,7 +180,7 @@ void load_surface(uint q, uint r, uint pixel, uint pixels) {
     normal_x[q][r] = surface[SURFACE_NORMAL * pixels + pixel];
     normal_y[q][r] = surface[(SURFACE_NORMAL + 1) * pixels + pixel];
     normal_z[q][r] = surface[(SURFACE_NORMAL + 2) * pixels + pixel];
-    middle[q][r] = surface[SURFACE_MIDDLE * pixels + pixel];
+    interquartile[q][r] = surface[SURFACE_INTERQUARTILE * pixels + pixel];
     if (WITH_SPREAD == 0) return;
     first[q][r] = surface[SURFACE_FIRST * pixels + pixel];
     log_sum[q][r] = surface[SURFACE_LOG * pixels + pixel];
@@ -193,7 +193,7 @@ void store_surface(uint q, uint r, uint pixel, uint pixels) {
     surface[SURFACE_NORMAL * pixels + pixel] = normal_x[q][r];
     surface[(SURFACE_NORMAL + 1) * pixels + pixel] = normal_y[q][r];
     surface[(SURFACE_NORMAL + 2) * pixels + pixel] = normal_z[q][r];
-    surface[SURFACE_MIDDLE * pixels + pixel] = middle[q][r];
+    surface[SURFACE_INTERQUARTILE * pixels + pixel] = interquartile[q][r];
     if (WITH_SPREAD == 0) return;
     surface[SURFACE_FIRST * pixels + pixel] = first[q][r];
     surface[SURFACE_LOG * pixels + pixel] = log_sum[q][r];

@@ -70,7 +70,7 @@ const float COLOR_MAX = 1e6;
 const uint SURFACE_DEPTH = 0;
 const uint SURFACE_MEDIAN = 1;
 const uint SURFACE_NORMAL = 2;
-const uint SURFACE_MIDDLE = 5;
+const uint SURFACE_INTERQUARTILE = 5;
 const uint SURFACE_PLANES = 6;
 // Further planes for the spread of depths in a pixel: depth of its first splat, else 0; sums of weight * m and weight *
 // m^2 with m = ln(z / that depth).

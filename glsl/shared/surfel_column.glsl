@@ -52,7 +52,7 @@ vec4 surfel_exponent(Column column, SurfelColumn c, uint q, vec4 f, out Hits hit
     hits.w = w;
     hits.residual = flat_residual;
     hits.is_spot = bvec4(false);
-    if (SURFEL == SURFEL_ANY && c.has_spot) {
+    if (c.has_spot) {
         precise vec4 d_y = surfel_d_y(c, q);
         precise vec4 spot = (2.0 * WHITEN * WHITEN) * (c.d.x * c.d.x + d_y * d_y);
         hits.is_spot = lessThan(spot, flat_residual);

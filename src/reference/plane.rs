@@ -154,7 +154,7 @@ pub struct SurfacePixel<R = f64> {
     /// Depth of the splat at which the coverage reaches ½; 0 if it does not.
     pub median: R,
     /// Σ part · z, with the part of each weight between coverages of ¼ and ¾; world units.
-    pub middle: R,
+    pub interquartile: R,
     /// Σ weight · normal in the view.
     pub normal: Vec3<R>,
     /// Depth of the first splat, 0 without one.
@@ -190,7 +190,7 @@ pub fn surface<R: Real>(
         coverage: zero,
         depth: zero,
         median: zero,
-        middle: zero,
+        interquartile: zero,
         normal: [zero; 3],
         first: zero,
         spread: zero,
@@ -206,7 +206,7 @@ pub fn surface<R: Real>(
         if pixel.coverage.value() < 0.5 && behind.value() >= 0.5 {
             pixel.median = z;
         }
-        pixel.middle = pixel.middle + (within_quartiles(behind) - within_quartiles(pixel.coverage)) * z;
+        pixel.interquartile = pixel.interquartile + (within_quartiles(behind) - within_quartiles(pixel.coverage)) * z;
         if logs.is_empty() {
             pixel.first = z;
         }

@@ -1,6 +1,6 @@
 //! Depths and normals of a rendered image.
 
-use crate::layout::{SURFACE_DEPTH, SURFACE_MEDIAN, SURFACE_MIDDLE, SURFACE_NORMAL};
+use crate::layout::{SURFACE_DEPTH, SURFACE_INTERQUARTILE, SURFACE_MEDIAN, SURFACE_NORMAL};
 use crate::scene::Camera;
 use glam::{DMat3, Vec3};
 
@@ -44,7 +44,8 @@ impl Surface {
     pub(super) fn unpack(camera: &Camera, planes: &[f32], transmittance: &[f32]) -> Surface {
         let pixels = transmittance.len();
         let plane = |index: u32| &planes[index as usize * pixels..][..pixels];
-        let (depth, median, middle) = (plane(SURFACE_DEPTH), plane(SURFACE_MEDIAN), plane(SURFACE_MIDDLE));
+        let (depth, median) = (plane(SURFACE_DEPTH), plane(SURFACE_MEDIAN));
+        let interquartile = plane(SURFACE_INTERQUARTILE);
         let [x, y, z] = [0, 1, 2].map(|axis| plane(SURFACE_NORMAL + axis));
         let world_from_view = camera.rotation.transpose();
         let at = |value: f32, pixel: usize| match Surface::is_at(transmittance[pixel]) {
@@ -61,7 +62,7 @@ impl Surface {
                 .collect(),
             median_depth: (0..pixels).map(|i| at(median[i], i)).collect(),
             interquartile_depth: (0..pixels)
-                .map(|i| at(middle[i] / (0.75 - transmittance[i].max(0.25)), i))
+                .map(|i| at(interquartile[i] / (0.75 - transmittance[i].max(0.25)), i))
                 .collect(),
             normal: (0..pixels).map(normal).collect(),
         }

@@ -167,12 +167,12 @@ fn frames_agree_with_the_reference() {
             let normal = (world_from_view * DVec3::from(expected.normal)).normalize();
             let off = DVec3::from(found.normal[i].map(f64::from)) - normal;
             let mean = expected.depth / coverage;
-            let middle = expected.middle / (expected.coverage.min(0.75) - 0.25);
+            let interquartile = expected.interquartile / (expected.coverage.min(0.75) - 0.25);
             let errors = [
                 (f64::from(found.expected_depth[i]) / mean - 1.0).abs(),
                 (f64::from(found.median_depth[i]) / expected.median - 1.0).abs(),
                 off.length() * DVec3::from(expected.normal).length(),
-                (f64::from(found.interquartile_depth[i]) / middle - 1.0).abs(),
+                (f64::from(found.interquartile_depth[i]) / interquartile - 1.0).abs(),
             ];
             worst = [0, 1, 2, 3].map(|k| worst[k].max(errors[k]));
         }

@@ -31,7 +31,7 @@ fn on_plane(normal: [f64; 3], size: f64, pixel: usize) -> SurfacePixel {
         coverage,
         depth: coverage * size / DVec3::from(normal).dot(ray),
         median: 0.0,
-        middle: 0.0,
+        interquartile: 0.0,
         normal: scale(-0.6, normalize(normal)),
         first: 1.0,
         spread: 0.0,

@@ -106,7 +106,7 @@ impl Composite {
         let depth = planes(0, 1, &|_, pixel| self.pixels[pixel].surface.depth);
         let median = planes(1, 2, &|_, pixel| self.pixels[pixel].surface.median);
         let normal = planes(2, 5, &|plane, pixel| self.pixels[pixel].surface.normal[plane - 2]);
-        let middle = planes(5, 6, &|_, pixel| self.pixels[pixel].surface.middle);
+        let interquartile = planes(5, 6, &|_, pixel| self.pixels[pixel].surface.interquartile);
         let first = planes(6, 7, &|_, pixel| self.pixels[pixel].surface.first);
         let logs = planes(7, 9, &|plane, pixel| {
             let at = &self.pixels[pixel].surface;
@@ -116,7 +116,11 @@ impl Composite {
         vec![
             Output::relative("first depth", part(6, 7), first, 2e-5, range).near(near(1), range, 0.01),
             Output::relative("logarithms", part(7, 9), logs, 1e-4, 3.0).near(near(2), 10.0, 0.01),
-            Output::relative("middle depth", part(5, 6), middle, 2e-5, range).near(near(1), range / 255.0, 0.01),
+            Output::relative("interquartile depth", part(5, 6), interquartile, 2e-5, range).near(
+                near(1),
+                range / 255.0,
+                0.01,
+            ),
             Output::relative("plane depth", part(0, 1), depth, 2e-5, range).near(near(1), range / 255.0, 0.01),
             Output::relative("median depth", part(1, 2), median, 2e-5, range).near(
                 half_way.collect(),
