@@ -8,6 +8,7 @@ use ashfall::gpu::{Faults, Gpu, GpuOptions, Limits};
 use std::cell::RefCell;
 use std::ops::Deref;
 use std::rc::{Rc, Weak};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Exclusive use of devices: until it is dropped no other test of the process has any.
@@ -22,8 +23,10 @@ pub(crate) fn turn() -> Rc<Turn> {
     thread_local!(static MINE: RefCell<Weak<Turn>> = const { RefCell::new(Weak::new()) });
     MINE.with_borrow_mut(|mine| {
         mine.upgrade().unwrap_or_else(|| {
+            WAITING.fetch_add(1, Ordering::SeqCst);
             // A failed test no longer uses its devices.
             let guard = DEVICES.lock().unwrap_or_else(PoisonError::into_inner);
+            WAITING.fetch_sub(1, Ordering::SeqCst);
             let turn = Rc::new(Turn(guard));
             *mine = Rc::downgrade(&turn);
             turn
@@ -31,17 +34,62 @@ pub(crate) fn turn() -> Rc<Turn> {
     })
 }
 
-/// A device with validation on. Dropping it fails the test if there are validation messages; those of leaks are
-/// included if it is the last handle.
-pub(crate) struct TestGpu {
-    gpu: Option<Gpu>,
+impl Drop for Turn {
+    fn drop(&mut self) {
+        if WAITING.load(Ordering::SeqCst) == 0
+            && let Some(last) = idle().take()
+        {
+            last.destroy();
+        }
+    }
+}
+
+/// Tests that wait for their turn.
+static WAITING: AtomicUsize = AtomicUsize::new(0);
+
+/// Device between two tests, destroyed where no test waits for its turn.
+fn idle() -> MutexGuard<'static, Option<Validated>> {
+    static IDLE: Mutex<Option<Validated>> = Mutex::new(None);
+    IDLE.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A device with validation on.
+struct Validated {
+    gpu: Gpu,
     faults: Faults,
+}
+
+impl Validated {
+    /// Destroys the device, if this is the last handle, and fails if there are validation messages; those of leaks are
+    /// included.
+    fn destroy(self) {
+        drop(self.gpu);
+        if !std::thread::panicking() {
+            assert_eq!(self.faults.validation_messages(), [""; 0], "validation messages");
+        }
+    }
+}
+
+/// A device with validation on. Dropping it fails the test if there are validation messages.
+pub(crate) struct TestGpu {
+    device: Option<Validated>,
+    is_shared: bool,
     _turn: Rc<Turn>,
 }
 
-/// Creates a device with the default test options.
+/// Device with the default test options, of an earlier test if there is one between two tests: a software device
+/// compiles each kernel anew for each device.
 pub(crate) fn gpu() -> TestGpu {
-    create(&options())
+    let turn = turn();
+    let device = idle().take();
+    if let Some(device) = &device {
+        device.gpu.reset_memory_peak();
+    }
+    TestGpu {
+        device: Some(device.unwrap_or_else(|| validated(&options()))),
+        is_shared: true,
+        _turn: turn,
+    }
 }
 
 /// Creates a device with a memory limit in bytes.
@@ -62,17 +110,21 @@ pub(crate) fn narrow(binding: u64) -> TestGpu {
 
 fn create(options: &GpuOptions) -> TestGpu {
     let turn = turn();
+    TestGpu {
+        device: Some(validated(options)),
+        is_shared: false,
+        _turn: turn,
+    }
+}
+
+fn validated(options: &GpuOptions) -> Validated {
     let faults = Faults::default();
     let options = GpuOptions {
         faults: Some(faults.clone()),
         ..options.clone()
     };
     let gpu = Gpu::create(&options).unwrap_or_else(|e| panic!("no device to test on: {e}"));
-    TestGpu {
-        gpu: Some(gpu),
-        faults,
-        _turn: turn,
-    }
+    Validated { gpu, faults }
 }
 
 /// Creates a device without the limits of `ASHFALL_TEST_LIMITS`, for comparisons with a host's device.
@@ -110,8 +162,8 @@ impl Deref for TestGpu {
     type Target = Gpu;
 
     fn deref(&self) -> &Gpu {
-        match &self.gpu {
-            Some(gpu) => gpu,
+        match &self.device {
+            Some(device) => &device.gpu,
             None => unreachable!("there is a device until it is dropped"),
         }
     }
@@ -119,13 +171,16 @@ impl Deref for TestGpu {
 
 impl Drop for TestGpu {
     fn drop(&mut self) {
-        self.gpu = None;
-        if !std::thread::panicking() {
-            assert_eq!(
-                self.faults.validation_messages(),
-                Vec::<String>::new(),
-                "validation messages"
-            );
+        let Some(device) = self.device.take() else { return };
+        // Buffers that are alive may be leaks: the validation layer tells where the device is destroyed.
+        let is_clean = !std::thread::panicking()
+            && device.gpu.memory_in_use() == 0
+            && device.faults.validation_messages().is_empty();
+        let mut idle = idle();
+        if self.is_shared && is_clean && idle.is_none() && WAITING.load(Ordering::SeqCst) > 0 {
+            *idle = Some(device);
+        } else {
+            device.destroy();
         }
     }
 }
