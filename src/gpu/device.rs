@@ -81,6 +81,11 @@ impl Gpu {
         &self.0.caps
     }
 
+    /// False for a host's device.
+    pub(super) fn is_owned(&self) -> bool {
+        self.0.own.is_some()
+    }
+
     /// Bytes of the buffers and images alive.
     pub fn memory_in_use(&self) -> u64 {
         self.0.tracker().bytes

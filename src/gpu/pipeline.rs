@@ -6,6 +6,7 @@ use super::device::Gpu;
 use crate::shader::{BindingKind, KernelInfo};
 use crate::{Error, Result};
 use ash::vk;
+use rayon::prelude::*;
 use std::collections::hash_map::Entry;
 use std::ffi::{CStr, CString};
 use std::sync::Arc;
@@ -66,6 +67,36 @@ impl Pipeline {
             kernel,
             label,
         })))
+    }
+}
+
+/// Drivers compile kernels of several threads beside each other. A host's device is called by the caller's thread
+/// alone.
+impl Gpu {
+    /// Kernels by `compile` of all `choices`, in their order; by several threads on an owned device.
+    pub(crate) fn compile_all<C: Copy + Sync, K: Send>(
+        &self,
+        choices: &[C],
+        compile: impl Fn(C) -> Result<K> + Sync,
+    ) -> Result<Vec<K>> {
+        match self.is_owned() {
+            true => choices.par_iter().map(|&choice| compile(choice)).collect(),
+            false => choices.iter().map(|&choice| compile(choice)).collect(),
+        }
+    }
+
+    /// Kernels by both functions; by two threads on an owned device.
+    #[cfg(feature = "train")]
+    pub(crate) fn compile_both<A: Send, B: Send>(
+        &self,
+        first: impl FnOnce() -> Result<A> + Send,
+        second: impl FnOnce() -> Result<B> + Send,
+    ) -> Result<(A, B)> {
+        let (first, second) = match self.is_owned() {
+            true => rayon::join(first, second),
+            false => (first(), second()),
+        };
+        Ok((first?, second?))
     }
 }
 

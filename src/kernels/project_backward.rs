@@ -50,6 +50,7 @@ impl ProjectBackward {
             choice.spec.indexed = indexed.into();
             ProjectBackward::new(gpu, choice)
         };
-        (0..=highest).map(kernel).collect()
+        let degrees: Vec<u32> = (0..=highest).collect();
+        gpu.compile_all(&degrees, kernel)
     }
 }

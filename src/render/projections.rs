@@ -52,6 +52,5 @@ impl Projections {
 }
 
 fn compiled(gpu: &Gpu, choices: &[Choice]) -> Result<Vec<Project>> {
-    let each = choices.iter().map(|&choice| Project::new(gpu, choice));
-    each.collect()
+    gpu.compile_all(choices, |choice| Project::new(gpu, choice))
 }

@@ -111,6 +111,14 @@ pub struct Trainer<'a> {
     extremes: Extremes,
 }
 
+/// Kernels of the frame, and those of a step after it.
+fn compile(gpu: &Gpu, config: &TrainConfig) -> Result<(Forward, Backward)> {
+    gpu.compile_both(
+        || Forward::for_training(gpu, config.sh_degree, &config.accuracy, config.plain_outputs()),
+        || Backward::new(gpu, config),
+    )
+}
+
 impl<'a> Trainer<'a> {
     /// Starts a run from the data set's points, or from random ones if it has none.
     pub fn new(gpu: &Gpu, dataset: &'a Dataset, mut config: TrainConfig) -> Result<Trainer<'a>> {
@@ -171,14 +179,14 @@ impl<'a> Trainer<'a> {
         extremes.note(&state.degrees);
         let halvings = schedule::halvings(&config, iteration);
         let (coarse, photos) = coarse::begin(gpu, dataset, &views, &config, halvings)?;
-        let plain = config.plain_outputs();
+        let (forward, backward) = compile(gpu, &config)?;
         let mut trainer = Trainer {
             gpu: gpu.clone(),
             dataset,
             extent,
             limit: config.splat_limit(),
-            forward: Forward::for_training(gpu, config.sh_degree, &config.accuracy, plain)?,
-            backward: Backward::new(gpu, &config)?,
+            forward,
+            backward,
             select_rows: SelectRows::new(gpu, Choice::default())?,
             state: DeviceState::new(gpu, state, config.filter)?,
             gradients: Gradients::new(gpu, scratch.capacity, config.outputs())?,
