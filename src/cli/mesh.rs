@@ -12,18 +12,21 @@ use super::{Outcome, engine, parse};
 use crate::gpu::Gpu;
 use crate::io::mesh::MeshFormat;
 use crate::io::splats::readable;
-use crate::mesh::{DepthMap, FusionOptions, FusionPhase, FusionReport, clean, fuse};
+use crate::mesh::{
+    ColorFitOptions, DepthMap, DepthMaps, FusionOptions, FusionPhase, FusionReport, clean, fit_colors, fuse,
+};
 use crate::render::{Compatibility, Outputs, RenderedImage};
 use crate::scene::{Camera, Dataset, Mesh, Splats, Split};
 use crate::{Error, Result, io};
 use clap::{Args, ValueEnum};
+use indicatif::ProgressBar;
 use serde_json::json;
 use std::path::PathBuf;
 
 /// Write a triangle mesh of a scene's surface
 ///
 /// Depths of the data set's views are fused to a volume of signed distances around the surface, whose zero is the mesh.
-/// Where no two views saw anything the mesh is open. Small pieces are left out.
+/// Where no two views saw anything the mesh is open. Small pieces are left out. Colours are fitted to the views.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct MeshArgs {
@@ -114,52 +117,61 @@ pub(super) fn run(args: &MeshArgs) -> Result<Outcome> {
         ..Outputs::default()
     };
     let mut draw = engine::scene_renderer(&gpu, &splats, near(&dataset), outputs, Compatibility::Engine)?;
-    let options = FusionOptions {
-        voxel: args.voxel,
-        truncation: args.truncation,
-        closed: args.closed,
-        memory: args.volume_memory,
-        ..FusionOptions::default()
-    };
-    let bar = output.bar(3 * views.len() as u64, "views");
-    let fused = fuse(
-        &options,
-        views.len(),
-        |view| {
-            let camera = &dataset.views[views[view]].camera;
-            draw(camera, [0.0; 3]).map(|picture| map_of(camera, &picture, args.depth))
-        },
-        |phase, _| {
-            if let FusionPhase::Add(_, slabs) = phase {
-                let passes = if args.closed { 2 } else { 1 };
-                bar.set_length((2 + passes * slabs as u64) * views.len() as u64);
-            }
-            bar.inc(1);
-            match interrupt.is_requested() {
-                true => Err(Error::Config("interrupted".into())),
-                false => Ok(()),
-            }
-        },
-    );
+    let mut maps = DepthMaps::new(views.len(), |view| {
+        let camera = &dataset.views[views[view]].camera;
+        draw(camera, [0.0; 3]).map(|picture| map_of(camera, &picture, args.depth))
+    });
+    let bar = output.bar(4 * views.len() as u64, "views");
+    let fused = mesh(args, (&bar, &interrupt), (&mut maps, views.len(), near(&dataset)));
     bar.finish_and_clear();
-    let (mut mesh, report) = match fused {
+    let fused = match fused {
         Err(_) if interrupt.is_requested() => {
             eprintln!("interrupted; nothing was written");
             return Ok(Outcome::Interrupted);
         }
         fused => fused?,
     };
+    drop(maps);
     engine::check(&gpu)?;
+    finish(args, output, &fused, (&splats, &gpu, &dataset))
+}
+
+/// Mesh of the maps of `count` views, with progress; ends with an error if it is interrupted.
+fn mesh(
+    args: &MeshArgs,
+    (bar, interrupt): (&ProgressBar, &Interrupt),
+    (maps, count, near): (&mut DepthMaps<'_>, usize, f64),
+) -> Result<FusedMesh> {
+    let options = FusionOptions {
+        voxel: args.voxel,
+        truncation: args.truncation,
+        closed: args.closed,
+        memory: args.volume_memory,
+    };
+    let advance = || {
+        bar.inc(1);
+        match interrupt.is_requested() {
+            true => Err(Error::Config("interrupted".into())),
+            false => Ok(()),
+        }
+    };
+    let (mut mesh, report) = fuse(&options, maps, |phase, _| {
+        if let FusionPhase::Add(_, slabs) = phase {
+            let passes = if args.closed { 2 } else { 1 };
+            bar.set_length((3 + passes * slabs as u64) * count as u64);
+        }
+        advance()
+    })?;
     let removed = clean(&mut mesh, args.largest.map(|count| count as usize));
     if let Some(triangles) = args.triangles {
         decimate::decimate(&mut mesh, triangles)?;
     }
-    let fused = FusedMesh {
-        mesh: &mesh,
-        removed,
-        report: &report,
+    let options = ColorFitOptions {
+        near,
+        distance_max: report.truncation,
     };
-    finish(args, output, fused, (&splats, &gpu, &dataset))
+    fit_colors(&mut mesh, options, maps, |_| advance())?;
+    Ok(FusedMesh { mesh, removed, report })
 }
 
 fn map_of(camera: &Camera, picture: &RenderedImage, depth: DepthArg) -> DepthMap {
@@ -183,18 +195,18 @@ fn map_of(camera: &Camera, picture: &RenderedImage, depth: DepthArg) -> DepthMap
 }
 
 /// A mesh with the figures of its fusion.
-struct FusedMesh<'a> {
-    mesh: &'a Mesh,
+struct FusedMesh {
+    mesh: Mesh,
     /// Small pieces left out.
     removed: usize,
-    report: &'a FusionReport,
+    report: FusionReport,
 }
 
 /// Writes the mesh and its pictures.
 fn finish(
     args: &MeshArgs,
     output: Output,
-    FusedMesh { mesh, removed, report }: FusedMesh<'_>,
+    FusedMesh { mesh, removed, report }: &FusedMesh,
     (splats, gpu, dataset): (&Splats, &Gpu, &Dataset),
 ) -> Result<Outcome> {
     if mesh.triangles.is_empty() {

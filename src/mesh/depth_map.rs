@@ -1,7 +1,7 @@
 //! Depth of a surface through one camera, as fusion reads it.
 
 use crate::scene::Camera;
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, Vec3};
 
 /// A camera's depths, slopes and colours, row by row from the top.
 #[derive(Clone, Debug, PartialEq)]
@@ -48,6 +48,12 @@ impl DepthMap {
             slope: (0..pixels).map(slope).collect(),
             color: (0..pixels).map(color).collect(),
         }
+    }
+
+    /// Display-referred colour of a pixel.
+    pub(super) fn rgb(&self, pixel: usize) -> Vec3 {
+        let [red, green, blue, _] = self.color[pixel].map(|c| f32::from(c) / 255.0);
+        Vec3::new(red, green, blue)
     }
 
     /// Bytes of a map of so many pixels.

@@ -16,13 +16,27 @@ pub struct MeshPicture {
 }
 
 /// Colour of meshes without colours.
-const GREY: [f32; 3] = [0.7; 3];
+pub(super) const GREY: [f32; 3] = [0.7; 3];
 /// Rows that a task draws.
 const BAND: usize = 16;
 
 /// Draws a mesh from both sides. Triangles are cut at the near plane (world units, above 0); of several at one depth,
 /// the first counts.
 pub fn draw(mesh: &Mesh, camera: &Camera, near: f64, background: [f32; 3]) -> MeshPicture {
+    let points = visible_points(mesh, camera, near);
+    let shade = |point: &Option<VisiblePoint>| match point {
+        None => (background, (f32::INFINITY, [f32::NAN; 3])),
+        Some(point) => {
+            let normal = normal(mesh, camera, point).as_vec3().to_array();
+            (color(mesh, point), (point.depth as f32, normal))
+        }
+    };
+    let (rgb, (depth, normal)) = points.par_iter().map(shade).unzip();
+    MeshPicture { rgb, depth, normal }
+}
+
+/// Nearest point of a mesh at each pixel's centre, row by row from the top.
+pub(super) fn visible_points(mesh: &Mesh, camera: &Camera, near: f64) -> Vec<Option<VisiblePoint>> {
     let size = [camera.width as usize, camera.height as usize];
     let world = |position: &[f32; 3]| DVec3::from(position.map(f64::from));
     let positions = mesh.positions.par_iter();
@@ -39,22 +53,11 @@ pub fn draw(mesh: &Mesh, camera: &Camera, near: f64, background: [f32; 3]) -> Me
             }
         }
     }
-    let parts: Vec<MeshPicture> = bands
+    let rows = bands
         .par_iter()
         .enumerate()
-        .map(|(band, pieces)| draw_rows(mesh, camera, pieces, (band * BAND, size), background))
-        .collect();
-    let mut picture = MeshPicture {
-        rgb: Vec::new(),
-        depth: Vec::new(),
-        normal: Vec::new(),
-    };
-    for part in parts {
-        picture.rgb.extend(part.rgb);
-        picture.depth.extend(part.depth);
-        picture.normal.extend(part.normal);
-    }
-    picture
+        .map(|(band, pieces)| points_of_rows(pieces, band * BAND, size));
+    rows.flatten().collect()
 }
 
 /// Part of a triangle before the near plane, in pixels.
@@ -119,23 +122,19 @@ fn pieces(
     })
 }
 
-/// Nearest point of the mesh at a pixel.
+/// Nearest point of a mesh at a pixel.
 #[derive(Clone, Copy)]
-struct Nearest {
-    depth: f64,
-    triangle: usize,
-    weights: DVec3,
+pub(super) struct VisiblePoint {
+    /// Depth along the view's z axis, world units.
+    pub(super) depth: f64,
+    pub(super) triangle: usize,
+    /// Weights of the triangle's corners, of sum 1.
+    pub(super) weights: DVec3,
 }
 
-fn draw_rows(
-    mesh: &Mesh,
-    camera: &Camera,
-    pieces: &[ClippedTriangle],
-    (first, [width, height]): (usize, [usize; 2]),
-    background: [f32; 3],
-) -> MeshPicture {
+fn points_of_rows(pieces: &[ClippedTriangle], first: usize, [width, height]: [usize; 2]) -> Vec<Option<VisiblePoint>> {
     let rows = first..(first + BAND).min(height);
-    let mut nearest: Vec<Option<Nearest>> = vec![None; rows.len() * width];
+    let mut nearest: Vec<Option<VisiblePoint>> = vec![None; rows.len() * width];
     for piece in pieces {
         let Some((top, bottom)) = piece.rows(height) else {
             continue;
@@ -145,30 +144,11 @@ fn draw_rows(
             fill(piece, y, line);
         }
     }
-    let of = |found: &Option<Nearest>| match found {
-        None => (background, f32::INFINITY, [f32::NAN; 3]),
-        Some(found) => (
-            color(mesh, found),
-            found.depth as f32,
-            normal(mesh, camera, found).as_vec3().to_array(),
-        ),
-    };
-    let (mut rgb, mut depth, mut normals) = (Vec::new(), Vec::new(), Vec::new());
-    for found in &nearest {
-        let (color, z, normal) = of(found);
-        rgb.push(color);
-        depth.push(z);
-        normals.push(normal);
-    }
-    MeshPicture {
-        rgb,
-        depth,
-        normal: normals,
-    }
+    nearest
 }
 
 /// Keeps the piece where it is the nearest in a row.
-fn fill(piece: &ClippedTriangle, y: usize, line: &mut [Option<Nearest>]) {
+fn fill(piece: &ClippedTriangle, y: usize, line: &mut [Option<VisiblePoint>]) {
     let [a, b, c] = piece.at;
     let twice_area = (b - a).perp_dot(c - a);
     let Some((left, right)) = range(piece.at.map(|at| at.x), line.len()) else {
@@ -188,7 +168,7 @@ fn fill(piece: &ClippedTriangle, y: usize, line: &mut [Option<Nearest>]) {
         let depth = shares.iter().sum::<f64>().recip();
         if nearest.is_none_or(|known| depth < known.depth) {
             let weights = shares.iter().zip(piece.weights);
-            *nearest = Some(Nearest {
+            *nearest = Some(VisiblePoint {
                 depth,
                 triangle: piece.triangle,
                 weights: weights.map(|(share, of)| share * depth * of).sum(),
@@ -198,27 +178,27 @@ fn fill(piece: &ClippedTriangle, y: usize, line: &mut [Option<Nearest>]) {
 }
 
 /// Mean of the corners' values at a point.
-fn interpolated(mesh: &Mesh, values: &[[f32; 3]], found: &Nearest) -> DVec3 {
-    let corners = mesh.triangles[found.triangle].map(|vertex| DVec3::from(values[vertex as usize].map(f64::from)));
-    let weights = found.weights.to_array();
+fn interpolated(mesh: &Mesh, values: &[[f32; 3]], point: &VisiblePoint) -> DVec3 {
+    let corners = mesh.triangles[point.triangle].map(|vertex| DVec3::from(values[vertex as usize].map(f64::from)));
+    let weights = point.weights.to_array();
     corners.iter().zip(weights).map(|(value, weight)| weight * *value).sum()
 }
 
-fn color(mesh: &Mesh, found: &Nearest) -> [f32; 3] {
+fn color(mesh: &Mesh, point: &VisiblePoint) -> [f32; 3] {
     match mesh.colors.is_empty() {
         true => GREY,
-        false => interpolated(mesh, &mesh.colors, found).as_vec3().to_array(),
+        false => interpolated(mesh, &mesh.colors, point).as_vec3().to_array(),
     }
 }
 
-fn normal(mesh: &Mesh, camera: &Camera, found: &Nearest) -> DVec3 {
+fn normal(mesh: &Mesh, camera: &Camera, point: &VisiblePoint) -> DVec3 {
     let [a, b, c] = mesh
-        .corners(found.triangle)
+        .corners(point.triangle)
         .map(|corner| DVec3::from(corner.map(f64::from)));
     let of_triangle = (b - a).cross(c - a).normalize();
     let normal = match mesh.normals.is_empty() {
         true => of_triangle,
-        false => interpolated(mesh, &mesh.normals, found).normalize(),
+        false => interpolated(mesh, &mesh.normals, point).normalize(),
     };
     let is_away = of_triangle.dot(a - camera.position) > 0.0;
     if is_away { -normal } else { normal }

@@ -1,6 +1,7 @@
 //! Fusion of depth maps into a mesh.
 
 use super::depth_map::DepthMap;
+use super::depth_maps::DepthMaps;
 use super::extract::MeshBuilder;
 use super::flood_fill::FloodFill;
 use super::volume::{BLOCK_BYTES, Key, Volume, keys_near};
@@ -22,8 +23,6 @@ pub struct FusionOptions {
     pub closed: bool,
     /// Most bytes of voxels at a time; a volume beyond is fused in slabs.
     pub memory: u64,
-    /// Most bytes of depth maps that are kept; further views are drawn again for each pass.
-    pub map_memory: u64,
 }
 
 impl Default for FusionOptions {
@@ -33,7 +32,6 @@ impl Default for FusionOptions {
             truncation: None,
             closed: false,
             memory: 160 << 20,
-            map_memory: 128 << 20,
         }
     }
 }
@@ -75,56 +73,22 @@ pub struct FusionReport {
     pub slabs: usize,
 }
 
-/// Views, drawn on request, and kept as far as memory allows.
-struct DepthMapCache<'a> {
-    draw: &'a mut dyn FnMut(usize) -> Result<DepthMap>,
-    kept: Vec<Option<DepthMap>>,
-    room: u64,
-    /// Median of all depths; infinite before it is known.
-    depth_median: f32,
-}
-
-impl DepthMapCache<'_> {
-    /// Calls `with` with the map of a view.
-    fn with<T>(&mut self, view: usize, with: impl FnOnce(&DepthMap) -> Result<T>) -> Result<T> {
-        if let Some(map) = &self.kept[view] {
-            return with(map);
-        }
-        let mut map = (self.draw)(view)?;
-        map.limit(self.depth_median);
-        let result = with(&map)?;
-        let bytes = DepthMap::bytes(map.depth.len());
-        if bytes <= self.room {
-            self.room -= bytes;
-            self.kept[view] = Some(map);
-        }
-        Ok(result)
-    }
-}
-
-/// Fuses the depth maps of `count` views to a mesh. `draw` gives the map of a view and may be called several times for
-/// each; `progress` is told each view of each phase, and may end the fusion with an error.
+/// Fuses depth maps to a mesh. `progress` is told each view of each phase, and may end the fusion with an error.
 ///
 /// Voxels that no view saw, or a single one of several, are unknown, and the mesh is open there. The same maps give the
 /// same bytes. Positions are exact to the square of a voxel.
 ///
 /// # Errors
-/// Those of `draw` and `progress`. [`Error::Config`] if no view has a surface, or if voxels of this size take more
+/// Those of drawing and of `progress`. [`Error::Config`] if no view has a surface, or if voxels of this size take more
 /// memory than 16 slabs.
 pub fn fuse(
     options: &FusionOptions,
-    count: usize,
-    mut draw: impl FnMut(usize) -> Result<DepthMap>,
+    views: &mut DepthMaps<'_>,
     mut progress: impl FnMut(FusionPhase, usize) -> Result<()>,
 ) -> Result<(Mesh, FusionReport)> {
-    let mut views = DepthMapCache {
-        draw: &mut draw,
-        kept: vec![None; count],
-        room: options.map_memory,
-        depth_median: f32::INFINITY,
-    };
-    let mut report = survey(&mut views, options, &mut progress)?;
-    let keys = list(&mut views, options, &report, &mut progress)?;
+    let count = views.count();
+    let mut report = survey(views, options, &mut progress)?;
+    let keys = list(views, options, &report, &mut progress)?;
     report.blocks = keys.len();
     let slabs = slabs(&keys, options.memory, report.voxel)?;
     report.slabs = slabs.len();
@@ -137,7 +101,7 @@ pub fn fuse(
         }
         let mut found = FloodFill::new(&keys);
         let mut cameras = Vec::new();
-        for_slabs(&mut views, &keys, &slabs, &mut report, &mut progress, |volume, own| {
+        for_slabs(views, &keys, &slabs, &mut report, &mut progress, |volume, own| {
             found.note(volume, views_min, own);
         })?;
         for view in 0..count {
@@ -148,7 +112,7 @@ pub fn fuse(
         outside = Some(found);
     }
     let mut surface = MeshBuilder::default();
-    for_slabs(&mut views, &keys, &slabs, &mut report, &mut progress, |volume, own| {
+    for_slabs(views, &keys, &slabs, &mut report, &mut progress, |volume, own| {
         surface.add(volume, (views_min, outside.as_ref()), own);
     })?;
     Ok((surface.mesh, report))
@@ -156,7 +120,7 @@ pub fn fuse(
 
 /// Fuses slab by slab; `with` gets each volume and tells the slab's own blocks from their neighbours.
 fn for_slabs(
-    views: &mut DepthMapCache<'_>,
+    views: &mut DepthMaps<'_>,
     keys: &[Key],
     slabs: &[Slab],
     report: &mut FusionReport,
@@ -166,7 +130,7 @@ fn for_slabs(
     for (i, (own, slab)) in slabs.iter().enumerate() {
         let mut volume = Volume::new(report.voxel, report.truncation, keys[slab.clone()].to_vec());
         report.slab_bytes = report.slab_bytes.max(slab.len() as u64 * BLOCK_BYTES);
-        for view in 0..views.kept.len() {
+        for view in 0..views.count() {
             progress(FusionPhase::Add(i, slabs.len()), view)?;
             views.with(view, |map| {
                 volume.add(map, report.depth_median as f32);
@@ -180,14 +144,14 @@ fn for_slabs(
 
 /// Draws all views once: the median depth, and from it the voxel and the truncation.
 fn survey(
-    views: &mut DepthMapCache<'_>,
+    views: &mut DepthMaps<'_>,
     options: &FusionOptions,
     progress: &mut impl FnMut(FusionPhase, usize) -> Result<()>,
 ) -> Result<FusionReport> {
     let mut depths = Vec::new();
     let mut footprints = Vec::new();
     let [mut low, mut high] = [DVec3::INFINITY, DVec3::NEG_INFINITY];
-    for view in 0..views.kept.len() {
+    for view in 0..views.count() {
         progress(FusionPhase::Survey, view)?;
         views.with(view, |map| {
             let camera = &map.camera;
@@ -215,10 +179,7 @@ fn survey(
             "no view has a surface: the scene covers no pixel by half, or the cameras do not see it".into(),
         ));
     };
-    // Maps that are kept were limited by nothing yet.
-    views.depth_median = depth_median as f32;
-    let limit = views.depth_median;
-    views.kept.iter_mut().flatten().for_each(|map| map.limit(limit));
+    views.limit(depth_median as f32);
     let extent = (high - low).length().min(8.0 * depth_median);
     let voxel = options.voxel.unwrap_or_else(|| footprint.max(extent / VOXELS_ACROSS));
     Ok(FusionReport {
@@ -239,7 +200,7 @@ fn median(values: &mut [f64]) -> Option<f64> {
 
 /// Blocks near the surface, in ascending order.
 fn list(
-    views: &mut DepthMapCache<'_>,
+    views: &mut DepthMaps<'_>,
     options: &FusionOptions,
     report: &FusionReport,
     progress: &mut impl FnMut(FusionPhase, usize) -> Result<()>,
@@ -253,7 +214,7 @@ fn list(
         )));
     }
     let mut keys: BTreeSet<Key> = BTreeSet::new();
-    for view in 0..views.kept.len() {
+    for view in 0..views.count() {
         progress(FusionPhase::List, view)?;
         views.with(view, |map| {
             keys.extend(keys_near(map, report.voxel, report.truncation));

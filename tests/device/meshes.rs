@@ -3,7 +3,7 @@
 use crate::common::device;
 use ashfall::gpu::Gpu;
 use ashfall::lab::synth::{Kind, SynthOptions, scene};
-use ashfall::mesh::{ComparisonOptions, DepthMap, FusionOptions, MeshComparison, clean, compare, fuse};
+use ashfall::mesh::{ComparisonOptions, DepthMap, DepthMaps, FusionOptions, MeshComparison, clean, compare, fuse};
 use ashfall::render::{Evaluator, Model, RenderOptions, RenderedImage, Renderer, ViewOptions};
 use ashfall::scene::{Camera, Dataset, Mesh, Primitive, ScreenFilter, Splats, Split};
 use ashfall::{Run, TrainConfig};
@@ -102,7 +102,7 @@ fn measured(gpu: &Gpu, kind: Kind, size: &Size, of_kind: SplatKind) -> Measured 
         Ok(DepthMap::new(camera, &depth, &made.normals(camera), &rgb, &alpha))
     };
     let fusion = FusionOptions::default();
-    let (floor, report) = fuse(&fusion, cameras.len(), exact, |_, _| Ok(())).unwrap();
+    let (floor, report) = fuse(&fusion, &mut DepthMaps::new(cameras.len(), exact), |_, _| Ok(())).unwrap();
     // The same voxels for all.
     let fusion = FusionOptions {
         voxel: Some(report.voxel),
@@ -134,7 +134,7 @@ fn measured(gpu: &Gpu, kind: Kind, size: &Size, of_kind: SplatKind) -> Measured 
                 &picture.alpha(),
             ))
         };
-        let (mut mesh, _) = fuse(&fusion, cameras.len(), map, |_, _| Ok(())).unwrap();
+        let (mut mesh, _) = fuse(&fusion, &mut DepthMaps::new(cameras.len(), map), |_, _| Ok(())).unwrap();
         clean(&mut mesh, None);
         scored(&mesh)
     };

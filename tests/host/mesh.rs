@@ -2,7 +2,7 @@
 
 use ashfall::lab::synth::{Material, Object, Scene, Shape, Texture, icosphere};
 use ashfall::mesh::{
-    ComparisonOptions, DepthMap, FusionOptions, FusionPhase, FusionReport, clean, compare, components, fuse,
+    ComparisonOptions, DepthMap, DepthMaps, FusionOptions, FusionPhase, FusionReport, clean, compare, components, fuse,
 };
 use ashfall::scene::{Camera, Mesh};
 use ashfall::{Error, Result};
@@ -40,8 +40,7 @@ fn map(scene: &Scene, camera: &Camera) -> DepthMap {
 fn fused(scene: &Scene, cameras: &[Camera], options: &FusionOptions) -> (Mesh, FusionReport) {
     fuse(
         options,
-        cameras.len(),
-        |view| Ok(map(scene, &cameras[view])),
+        &mut DepthMaps::new(cameras.len(), |view| Ok(map(scene, &cameras[view]))),
         |_, _| Ok(()),
     )
     .unwrap()
@@ -280,7 +279,6 @@ fn slabs_and_redrawn_views_give_the_same_mesh() {
     assert_eq!(whole, fused(&ball(), &cameras, &options(voxel)).0, "not the same twice");
     let parts = FusionOptions {
         memory: report.slab_bytes / 2,
-        map_memory: DepthMap::bytes(120 * 90) * 3,
         ..options(voxel)
     };
     let mut drawn = 0;
@@ -289,11 +287,13 @@ fn slabs_and_redrawn_views_give_the_same_mesh() {
         Ok(map(&ball(), &cameras[view]))
     };
     let mut phases = Vec::new();
-    let (mesh, report) = fuse(&parts, cameras.len(), draw, |phase, view| {
+    let mut maps = DepthMaps::new(cameras.len(), draw).within(DepthMap::bytes(120 * 90) * 3);
+    let (mesh, report) = fuse(&parts, &mut maps, |phase, view| {
         phases.push((phase, view));
         Ok(())
     })
     .unwrap();
+    drop(maps);
     assert!(report.slabs > 1 && report.slab_bytes <= parts.memory);
     assert!(drawn > 20, "{drawn} views drawn: all were kept");
     assert_eq!(phases.len(), (2 + report.slabs) * 10);
@@ -306,7 +306,8 @@ fn faults_are_told_in_one_line() {
     let cameras = around(4, 4.0);
     let told = |options: &FusionOptions, scene: &Scene| -> String {
         let draw = |view: usize| Ok(map(scene, &cameras[view]));
-        fuse(options, 4, draw, |_, _| Ok(())).unwrap_err().to_string()
+        let fused = fuse(options, &mut DepthMaps::new(4, draw), |_, _| Ok(()));
+        fused.unwrap_err().to_string()
     };
     assert!(told(&options(0.1), &Scene::default()).contains("no view has a surface"));
     let tight = FusionOptions {
@@ -318,8 +319,7 @@ fn faults_are_told_in_one_line() {
     assert!(told(&options(1e-12), &ball()).contains("too small"));
     let stop = fuse(
         &options(0.1),
-        4,
-        |view| Ok(map(&ball(), &cameras[view])),
+        &mut DepthMaps::new(4, |view| Ok(map(&ball(), &cameras[view]))),
         |phase, view| match (phase, view) {
             (FusionPhase::List, 2) => Err(Error::Config("stop".into())),
             _ => Ok(()),

@@ -6,7 +6,9 @@ use crate::gpu::Gpu;
 use crate::lab::chart::{GeometryPoint, Knob};
 use crate::lab::evaluator::{BACKGROUND, held_out};
 use crate::lab::synth::{self, Kind, SynthOptions};
-use crate::mesh::{ComparisonOptions, DepthMap, FusionOptions, SurfaceImage, SurfaceScore, clean, compare, fuse};
+use crate::mesh::{
+    ComparisonOptions, DepthMap, DepthMaps, FusionOptions, SurfaceImage, SurfaceScore, clean, compare, fuse,
+};
 use crate::metrics::MeanScore;
 use crate::render::{Model, RenderOptions, RenderedImage, Renderer, ViewOptions};
 use crate::scene::{Camera, Dataset, Mesh, Primitive, Splats, Split};
@@ -155,7 +157,8 @@ impl GeometrySubject {
                 &alpha,
             ))
         };
-        let (mut mesh, _) = fuse(&FusionOptions::default(), trained.cameras.len(), map, |_, _| Ok(()))?;
+        let mut maps = DepthMaps::new(trained.cameras.len(), map);
+        let (mut mesh, _) = fuse(&FusionOptions::default(), &mut maps, |_, _| Ok(()))?;
         clean(&mut mesh, None);
         let options = ComparisonOptions {
             samples: self.samples,
