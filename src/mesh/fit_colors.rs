@@ -5,7 +5,8 @@ use super::depth_maps::DepthMaps;
 use super::draw::{GREY, VisiblePoint, visible_points};
 use crate::Result;
 use crate::scene::Mesh;
-use glam::{DVec3, Vec3};
+use crate::stats::conjugate_gradients::{self, SymmetricSystem};
+use glam::Vec3;
 use std::collections::HashMap;
 
 /// Weight of a vertex's colour before the fit, in pixels: vertices that no pixel shows keep it, and noise of vertices
@@ -69,8 +70,10 @@ fn weight(map: &DepthMap, pixel: usize, point: &VisiblePoint, options: ColorFitO
 struct ColorEquations {
     /// Edges of each triangle's corners 0 1, 1 2, 2 0.
     edges: Vec<[u32; 3]>,
+    /// Vertices of each edge.
     ends: Vec<[u32; 2]>,
     diagonal: Vec<f32>,
+    /// Entries of the edges.
     beside: Vec<f32>,
     right: Vec<Vec3>,
 }
@@ -109,60 +112,39 @@ impl ColorEquations {
         }
     }
 
-    /// The product of the matrix and `x`.
-    fn times(&self, x: &[Vec3]) -> Vec<Vec3> {
-        let mut y: Vec<Vec3> = self.diagonal.iter().zip(x).map(|(d, x)| *d * *x).collect();
-        for (&[a, b], &entry) in self.ends.iter().zip(&self.beside) {
-            y[a as usize] += entry * x[b as usize];
-            y[b as usize] += entry * x[a as usize];
-        }
-        y
-    }
-
-    /// Colours by conjugate gradients from `first`, with the diagonal as preconditioner.
+    /// Colours by conjugate gradients from `first`, channel by channel.
     fn solve(mut self, first: &[[f32; 3]]) -> Vec<[f32; 3]> {
-        let mut x: Vec<Vec3> = first.iter().map(|&color| Vec3::from(color)).collect();
-        for ((diagonal, right), &color) in self.diagonal.iter_mut().zip(&mut self.right).zip(&x) {
+        for ((diagonal, right), &color) in self.diagonal.iter_mut().zip(&mut self.right).zip(first) {
             *diagonal += PRIOR;
-            *right += PRIOR * color;
+            *right += PRIOR * Vec3::from(color);
         }
-        let product = self.times(&x);
-        let mut residual: Vec<Vec3> = self.right.iter().zip(product).map(|(b, ax)| *b - ax).collect();
-        let scaled = |residual: &[Vec3]| -> Vec<Vec3> {
-            let pairs = residual.iter().zip(&self.diagonal);
-            pairs.map(|(r, d)| *r / *d).collect()
-        };
-        let mut z = scaled(&residual);
-        let mut direction = z.clone();
-        let mut rz = dot(&residual, &z);
-        for _ in 0..STEPS {
-            let product = self.times(&direction);
-            let step = quotient(rz, dot(&direction, &product));
-            for (i, d) in direction.iter().enumerate() {
-                x[i] += step * *d;
-                residual[i] -= step * product[i];
+        let mut colors = first.to_vec();
+        for channel in 0..3 {
+            let mut solution: Vec<f64> = first.iter().map(|color| f64::from(color[channel])).collect();
+            let pairs = self.right.iter().zip(self.product(&solution));
+            let residual = pairs.map(|(right, of)| f64::from(right[channel]) - of).collect();
+            conjugate_gradients::improve(&self, &mut solution, residual, |_| 0.0, STEPS);
+            for (color, value) in colors.iter_mut().zip(solution) {
+                color[channel] = value.clamp(0.0, 1.0) as f32;
             }
-            z = scaled(&residual);
-            let next = dot(&residual, &z);
-            let turn = quotient(next, rz);
-            for (d, z) in direction.iter_mut().zip(&z) {
-                *d = *z + turn * *d;
-            }
-            rz = next;
         }
-        x.iter()
-            .map(|color| color.clamp(Vec3::ZERO, Vec3::ONE).to_array())
-            .collect()
+        colors
     }
 }
 
-/// Sum of products, channel by channel.
-fn dot(a: &[Vec3], b: &[Vec3]) -> DVec3 {
-    a.iter().zip(b).map(|(a, b)| a.as_dvec3() * b.as_dvec3()).sum()
-}
+impl SymmetricSystem for ColorEquations {
+    fn product(&self, vector: &[f64]) -> Vec<f64> {
+        let pairs = self.diagonal.iter().zip(vector);
+        let mut product: Vec<f64> = pairs.map(|(entry, x)| f64::from(*entry) * x).collect();
+        for (&[a, b], &entry) in self.ends.iter().zip(&self.beside) {
+            product[a as usize] += f64::from(entry) * vector[b as usize];
+            product[b as usize] += f64::from(entry) * vector[a as usize];
+        }
+        product
+    }
 
-/// Quotients, 0 of channels that have converged.
-fn quotient(above: DVec3, below: DVec3) -> Vec3 {
-    let of = |a: f64, b: f64| if b > 0.0 { (a / b) as f32 } else { 0.0 };
-    Vec3::new(of(above.x, below.x), of(above.y, below.y), of(above.z, below.z))
+    fn precondition(&self, vector: &[f64]) -> Vec<f64> {
+        let pairs = self.diagonal.iter().zip(vector);
+        pairs.map(|(entry, x)| x / f64::from(*entry)).collect()
+    }
 }

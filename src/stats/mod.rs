@@ -1,5 +1,8 @@
-//! Statistics: means, medians and their intervals, Student's t, straight lines by least squares, and random numbers.
+//! Statistics: means, medians and their intervals, Student's t, straight lines by least squares, conjugate gradients,
+//! and random numbers.
 
+#[cfg(feature = "train")]
+pub(crate) mod conjugate_gradients;
 mod interval;
 mod line;
 #[cfg(feature = "train")]

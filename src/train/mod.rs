@@ -11,7 +11,6 @@ mod chain;
 pub mod checkpoint;
 mod colors;
 pub mod config;
-mod conjugate_gradients;
 mod device;
 pub mod exposure;
 #[doc(hidden)]

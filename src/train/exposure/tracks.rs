@@ -10,7 +10,7 @@ use super::{CURVE_OFFSET, center};
 use crate::Result;
 use crate::io::photo;
 use crate::scene::{Dataset, PhotoSource, Split};
-use crate::train::conjugate_gradients::{self, SymmetricSystem};
+use crate::stats::conjugate_gradients::{self, SymmetricSystem};
 use glam::DVec3;
 use rayon::prelude::*;
 

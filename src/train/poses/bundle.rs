@@ -1,7 +1,7 @@
 //! Bundle adjustment (Triggs 2000), linear: motions of the cameras and of the points that explain the points' places in
 //! photographs. Points are eliminated, and conjugate gradients find the motions.
 
-use crate::train::conjugate_gradients::{self, SymmetricSystem};
+use crate::stats::conjugate_gradients::{self, SymmetricSystem};
 use glam::{DMat3, DVec3};
 
 /// Turn about the camera in radians, and shift of its centre in scene extents, both along the world's axes.

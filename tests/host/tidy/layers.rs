@@ -16,7 +16,7 @@ const RANKS: &[(&str, &str)] = &[
     ("mesh", "scene stats error"),
     ("kernels", "gpu layout shader error"),
     ("render", "kernels gpu scene io metrics layout error"),
-    ("train", "render kernels gpu scene io metrics layout error"),
+    ("train", "render kernels gpu scene io metrics stats layout error"),
     (
         "simplify",
         "train render kernels gpu scene io metrics stats layout error",

@@ -1,7 +1,7 @@
 //! Conjugate gradients with a preconditioner (Hestenes and Stiefel 1952).
 
 /// Symmetric system of equations without negative eigenvalues.
-pub(super) trait SymmetricSystem {
+pub(crate) trait SymmetricSystem {
     /// Product of the matrix with a vector.
     fn product(&self, vector: &[f64]) -> Vec<f64>;
 
@@ -11,7 +11,7 @@ pub(super) trait SymmetricSystem {
 
 /// Moves `solution`, whose residual is given, until the squared residual in the preconditioner's norm is at most
 /// `enough` of the first one, or for so many iterations.
-pub(super) fn improve(
+pub(crate) fn improve(
     system: &impl SymmetricSystem,
     solution: &mut [f64],
     mut residual: Vec<f64>,
