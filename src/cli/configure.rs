@@ -105,7 +105,7 @@ pub(in crate::cli) enum AgainstArg {
     /// Splats much longer than thick: none of more than 10 to 1
     Needles,
     /// Good pictures from the photographs' places alone, where few photographs show each part: random splats are left
-    /// out of each step, large and opaque ones cost
+    /// out of each step, large and opaque ones cost, and normals follow depths
     Overfitting,
     /// Passers-by: patches of a photograph that only it shows are left out; ignored/ has them, transients.json their
     /// shares
@@ -134,7 +134,9 @@ impl ConfigArgs {
         };
         let config = TrainConfig::for_iterations(self.iterations.unwrap_or(usual)).with_strategy(strategy);
         // Before, for constants that others are derived from; and after, for the derived ones.
-        let mut config = other(self.with_settings(config)?);
+        let config = self.with_settings(config)?;
+        let kind = self.kind.map_or(config.kind, Primitive::from);
+        let mut config = other(config.with_kind(kind));
         for against in &self.against {
             config = match against {
                 AgainstArg::Floaters => config.against_floaters(),
@@ -143,8 +145,6 @@ impl ConfigArgs {
                 AgainstArg::Transients => config.against_transients(),
             };
         }
-        let kind = self.kind.map_or(config.kind, Primitive::from);
-        config = config.with_kind(kind);
         config.seed = self.seed.unwrap_or(config.seed);
         config.filter = match self.mode {
             None => config.filter,

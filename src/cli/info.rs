@@ -16,6 +16,7 @@ use crate::io::dataset::Reconstruction;
 use crate::io::splats::readable;
 use crate::render::{Blocks, Slots};
 use crate::scene::{Dataset, Split};
+use crate::simplify::for_auto_count;
 use crate::train::BufferLimits;
 use crate::{Error, Result};
 use clap::Args;
@@ -90,12 +91,16 @@ pub(super) fn run(args: &InfoArgs) -> Result<Outcome> {
 fn predict(args: &InfoArgs) -> Result<Outcome> {
     let gpu = engine::open(&args.device)?;
     let (limit, limits) = (gpu.memory_limit(), BufferLimits::of(&gpu));
-    let config = args.config.config(gpu.caps().kind)?;
+    let kind = gpu.caps().kind;
     let prediction = match &args.path {
-        None => args.predict.on_numbers(&config, limits),
+        None => args.predict.on_numbers(&args.config.config(kind)?, limits),
         Some(path) if is_scene(path) => args.predict.on_scene(&args.scene_options.read(path)?.splats, limits)?,
         Some(path) => {
             let dataset = args.options.open(path, false)?;
+            let config = args.config.config_from(kind, |usual| match args.predict.parsimony {
+                true => for_auto_count(usual, dataset.views_per_point()),
+                false => usual.for_dataset(&dataset),
+            })?;
             args.predict.on_dataset(&dataset, &config, limits)
         }
     };
@@ -180,12 +185,14 @@ fn dataset(dataset: &Dataset) -> Result<(String, Value)> {
         .map(|v| u64::from(v.camera.width) * u64::from(v.camera.height));
     let photo_bytes = 4 * pixels.sum::<u64>();
     let mut text = format!(
-        "views:    {} ({train} to train on, {test} held out)\nsizes:    {}{}\npoints:   {}\n\
-         extent:   {:.4} world units\nalpha:    {:?}\ndecoded:  {}",
+        "views:    {} ({train} to train on, {test} held out)\nsizes:    {}{}\n\
+         points:   {}, each in {} training images (median)\nextent:   {:.4} world units\n\
+         alpha:    {:?}\ndecoded:  {}",
         dataset.views.len(),
         size_text.join(", "),
         if sizes.len() > 5 { ", …" } else { "" },
         grouped(dataset.points.len()),
+        dataset.views_per_point(),
         dataset.extent(),
         dataset.alpha,
         bytes(photo_bytes),
@@ -200,6 +207,7 @@ fn dataset(dataset: &Dataset) -> Result<(String, Value)> {
         "test_views": test,
         "sizes": sizes,
         "points": dataset.points.len(),
+        "views_per_point": dataset.views_per_point(),
         "extent": dataset.extent(),
         "alpha": format!("{:?}", dataset.alpha).to_lowercase(),
         "photo_bytes": photo_bytes,

@@ -265,6 +265,20 @@ fn points(path: &Path) -> Result<Vec<Point>> {
     }
 }
 
+/// Measures of a run against overfitting few views.
+fn against_overfitting(config: &TrainConfig) -> Vec<String> {
+    let mut measures = Vec::new();
+    if config.drop_rate > 0.0 {
+        let percent = 100.0 * config.drop_rate;
+        measures.push(format!("each step leaves out up to {percent:.0} % of the splats"));
+    }
+    if config.geometry.normal > 0.0 {
+        let weight = config.geometry.normal;
+        measures.push(format!("normals follow depths with weight {weight:.3}"));
+    }
+    measures
+}
+
 fn announce(output: Output, gpu: &Gpu, dataset: &Dataset, run: &AutoRun<'_>, state: &RunState) {
     let trainer = run.trainer();
     let prediction = Prediction::of(trainer.size(), trainer.splats_expected(), run.controller().is_some());
@@ -280,11 +294,12 @@ fn announce(output: Output, gpu: &Gpu, dataset: &Dataset, run: &AutoRun<'_>, sta
         gpu.caps().name,
         grouped(dataset.points.len()),
     ));
-    if config.drop_rate > 0.0 {
-        let views = dataset.views_per_point();
+    let measures = against_overfitting(config);
+    if !measures.is_empty() {
         output.remark(format_args!(
-            "a point lies in {views} training images (median): each step leaves out up to {:.0} % of the splats",
-            100.0 * config.drop_rate
+            "a point lies in {} training images (median): {}",
+            dataset.views_per_point(),
+            measures.join(", ")
         ));
     }
     if state.iteration < config.coarse_until {

@@ -207,7 +207,8 @@ constants! {
 constants! {
     /// Terms of the loss that make surfaces: docs/surfaces.md. Each is a mean over the pixels of a frame.
     GeometryConfig as "geometry" {
-        /// Weight of the consistency of normals and depths, coverage · (1 − cosine): 0, and 0.05 for surfels (2DGS).
+        /// Weight of the consistency of normals and depths, coverage · (1 − cosine): 0, for surfels 0.05 (2DGS), and
+        /// more where few photographs show each place ([`for_few_views`](super::TrainConfig::for_few_views)).
         normal: f32 = 0.0, 0.0..=0.5;
         /// Share of the run before that term: 7/30 (2DGS: 7,000 of 30,000 iterations).
         normal_from: f32 = 7.0 / 30.0, 0.0..=1.0;

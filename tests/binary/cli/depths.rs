@@ -20,7 +20,7 @@ fn depths_of_a_trained_plane_are_near_the_true_ones() {
         "--size",
         "64x48",
         "--iterations",
-        "150",
+        "200",
         "--orbit",
         "1",
     ];
