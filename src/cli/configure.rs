@@ -105,7 +105,7 @@ pub(in crate::cli) enum AgainstArg {
     /// Splats much longer than thick: none of more than 10 to 1
     Needles,
     /// Good pictures from the photographs' places alone, where few photographs show each part: random splats are left
-    /// out of each step, large and opaque ones cost, and normals follow depths
+    /// out of each step, and normals follow depths
     Overfitting,
     /// Passers-by: patches of a photograph that only it shows are left out; ignored/ has them, transients.json their
     /// shares

@@ -318,12 +318,10 @@ impl TrainConfig {
     }
 
     /// The same run with measures against splats that fit the photographs only together or only in one view, where few
-    /// views show each place: dropout, consistent normals, and MCMC's penalties of opacity and scale. `weight` is 0 to
-    /// 1.
+    /// views show each place: dropout and consistent normals. `weight` is 0 to 1.
     pub fn against_overfitting(mut self, weight: f32) -> TrainConfig {
         self.drop_rate = few_views::DROP_RATE * weight;
         self.geometry.normal = self.geometry.normal.max(few_views::NORMAL_WEIGHT * weight);
-        self.regularization = weight;
         self
     }
 
