@@ -440,7 +440,10 @@ mod tests {
         assert_eq!(penalties(&usual, 2.0), Penalties::default());
         let mcmc = penalties(&usual.clone().with_strategy(StrategyKind::Mcmc), 2.0);
         assert!(mcmc.opacity > 0.0 && mcmc.scale > 0.0);
-        let of = |regularization| TrainConfig { regularization, ..usual.clone() };
+        let of = |regularization| TrainConfig {
+            regularization,
+            ..usual.clone()
+        };
         assert_eq!(penalties(&of(1.0), 2.0), mcmc);
         let half = penalties(&of(0.5), 2.0);
         assert_eq!([half.opacity, half.scale], [0.5 * mcmc.opacity, 0.5 * mcmc.scale]);
