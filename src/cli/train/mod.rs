@@ -272,8 +272,9 @@ fn against_overfitting(config: &TrainConfig) -> Vec<String> {
         let percent = 100.0 * config.drop_rate;
         measures.push(format!("each step leaves out up to {percent:.0} % of the splats"));
     }
-    if config.geometry.normal > 0.0 {
-        let weight = config.geometry.normal;
+    let usual = TrainConfig::for_iterations(config.iterations).with_kind(config.kind);
+    let weight = config.geometry.normal;
+    if weight > usual.geometry.normal {
         measures.push(format!("normals follow depths with weight {weight:.3}"));
     }
     measures
