@@ -5,6 +5,7 @@ use super::parse;
 use crate::io::dataset::{self, MaskUse, OpenOptions, Reconstruction};
 use crate::render::Compatibility;
 use crate::scene::{AlphaMode, Dataset, Split};
+use crate::train::exposure::{LensVignetting, remove_vignetting};
 use crate::{Error, Result};
 use clap::{Args, ValueEnum};
 use std::path::{Path, PathBuf};
@@ -54,6 +55,10 @@ pub(super) struct DataArgs {
     #[arg(long, value_name = "USE", default_value = "ignore")]
     #[serde(default)]
     pub masks: MasksArg,
+    /// Remove the vignetting of the lens from all photographs, where the points' tracks tell it
+    #[arg(long)]
+    #[serde(default)]
+    pub vignetting: bool,
 }
 
 impl Default for DataArgs {
@@ -64,6 +69,7 @@ impl Default for DataArgs {
             images: None,
             alpha: None,
             masks: MasksArg::Ignore,
+            vignetting: false,
         }
     }
 }
@@ -83,14 +89,32 @@ impl DataArgs {
                 MasksArg::Off => MaskUse::Off,
             },
         };
-        let dataset = dataset::open(path, &options).map_err(|error| match capture_hint(path) {
+        let mut dataset = dataset::open(path, &options).map_err(|error| match capture_hint(path) {
             Some(hint) => Error::file(path, hint),
             None => error,
         })?;
         for warning in &dataset.warnings {
             eprintln!("warning: {warning}");
         }
+        if self.vignetting {
+            for lens in remove_vignetting(&mut dataset).map_err(|error| Error::file(path, error.to_string()))? {
+                eprintln!("{}", vignetting_line(&lens));
+            }
+        }
         Ok(dataset)
+    }
+}
+
+/// Vignetting of a lens as text.
+pub(super) fn vignetting_line(lens: &LensVignetting) -> String {
+    let [width, height] = lens.size;
+    match lens.is_clear() {
+        true => format!(
+            "vignetting: corners of {width}×{height} are {:.2} ± {:.2} stops darker",
+            -lens.vignetting.corner_stops(),
+            lens.error_stops
+        ),
+        false => format!("vignetting: none of {width}×{height} that the points' tracks tell"),
     }
 }
 

@@ -112,6 +112,8 @@ pub(super) enum PerturbArg {
     Fisheye,
     /// Opaque boxes before a fifth of the training photographs
     Transients,
+    /// A lens that darkens the corners by 0.7 stops
+    Vignetting,
     /// None, but a textured sky without points about the scene
     Sky,
     /// Exposures, half the errors of cameras, and boxes together
@@ -159,7 +161,10 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
         return Ok(Outcome::Done);
     };
     // Trained from the files, like any data set.
-    let options = DataArgs::default();
+    let options = DataArgs {
+        vignetting: args.perturb == Some(PerturbArg::Vignetting),
+        ..DataArgs::default()
+    };
     let dataset = options.open(&data, true)?;
     let mut config = TrainConfig::for_iterations(args.iterations).for_dataset(&dataset);
     config.seed = args.seed;
@@ -220,6 +225,7 @@ fn make_data(args: &DemoArgs, output: Output) -> Result<PathBuf> {
         transient_seed: faults.transients.then_some(args.seed),
         dome: args.perturb == Some(PerturbArg::Sky),
         fisheye: args.perturb == Some(PerturbArg::Fisheye),
+        vignetting: args.perturb == Some(PerturbArg::Vignetting),
         ..SynthOptions::default()
     };
     let scene = args.scene.make()?;

@@ -201,6 +201,10 @@ fn dataset(dataset: &Dataset) -> Result<(String, Value)> {
         text += &format!("\n{table}");
         value
     });
+    let vignetting = exposures::vignetting(dataset)?.map(|(line, value)| {
+        text += &format!("\n{line}");
+        value
+    });
     let value = json!({
         "views": dataset.views.len(),
         "train_views": train,
@@ -212,6 +216,7 @@ fn dataset(dataset: &Dataset) -> Result<(String, Value)> {
         "alpha": format!("{:?}", dataset.alpha).to_lowercase(),
         "photo_bytes": photo_bytes,
         "exposure": exposure,
+        "vignetting": vignetting,
         "warnings": dataset.warnings,
     });
     Ok((text, value))

@@ -1,6 +1,6 @@
 //! A data set: views with cameras and photographs, and a sparse point set.
 
-use super::{Camera, Optics};
+use super::{Camera, Optics, Vignetting};
 use glam::{DVec2, DVec3};
 use std::path::PathBuf;
 
@@ -106,7 +106,8 @@ pub struct MaskFile {
 /// Source of a photograph.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PhotoSource {
-    /// A file, to be decoded, masked, turned, seen as a pinhole and resized to the view's camera when it is needed.
+    /// A file, to be decoded, masked, turned, seen as a pinhole, resized to the view's camera, and freed from
+    /// vignetting when it is needed.
     File {
         /// The image file.
         path: PathBuf,
@@ -116,6 +117,8 @@ pub enum PhotoSource {
         orientation: u8,
         /// Mask of the stored pixels, if any.
         mask: Option<MaskFile>,
+        /// Vignetting to remove, if any.
+        vignetting: Option<Vignetting>,
     },
     /// Already decoded, at the size of the view's camera.
     Memory(Photo),

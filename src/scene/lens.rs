@@ -302,6 +302,13 @@ impl Optics {
         }
     }
 
+    /// Whether the picture is a side of a photograph that was split, and not the whole.
+    pub fn is_side(&self) -> bool {
+        [self.pinhole.width, self.pinhole.height] != self.size
+            || self.pinhole.center != self.center
+            || self.lens_from_pinhole != DMat3::IDENTITY
+    }
+
     /// Pixel of the photograph under a direction of the pinhole; `None` outside of the photograph or beyond `reach`,
     /// the largest angle of the lens.
     pub fn pixel(&self, direction: DVec3, reach: f64) -> Option<DVec2> {

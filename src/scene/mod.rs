@@ -20,6 +20,8 @@ mod mesh;
 mod morton;
 mod similarity;
 mod splats;
+mod tone;
+mod vignetting;
 
 #[cfg(feature = "train")]
 pub use alignment::PoseDifference;
@@ -42,3 +44,5 @@ pub use similarity::Similarity;
 pub(crate) use splats::logit;
 pub(crate) use splats::sigmoid;
 pub use splats::{NotFinite, Primitive, SH_C0, ScreenFilter, Splats, sh_coefficient_count};
+pub use tone::{CURVE_OFFSET, CURVE_POWER, stops};
+pub use vignetting::Vignetting;

@@ -3,7 +3,7 @@
 use ashfall::io::{dataset, photo};
 use ashfall::lab::synth::{Kind, SynthOptions, save, save_colmap, save_masks, scene};
 use ashfall::scene::{PhotoSource, Split};
-use ashfall::train::exposure::{from_tracks, stops};
+use ashfall::train::exposure::{LensVignetting, from_tracks, remove_vignetting, stops, vignetting};
 use glam::DVec2;
 
 #[test]
@@ -116,6 +116,59 @@ fn test_views_take_no_part_in_exposures() {
         from_tracks(&made).unwrap().is_empty(),
         "without tracks nothing is known"
     );
+}
+
+/// Vignetting of made photographs of the facade, which is matt, with exposures as well.
+fn through_a_lens(vignetting: bool) -> SynthOptions {
+    SynthOptions {
+        vignetting,
+        ..exposed(Some(2))
+    }
+}
+
+#[test]
+fn vignetting_comes_back_from_the_tracks() {
+    let (scene, options) = (scene(Kind::Facade), through_a_lens(true));
+    let dir = tempfile::tempdir().unwrap();
+    save_colmap(&scene.dataset(&options), &options, dir.path()).unwrap();
+    let mut read = dataset::open(dir.path(), &dataset::OpenOptions::default()).unwrap();
+    let [found]: [LensVignetting; 1] = remove_vignetting(&mut read).unwrap().try_into().unwrap();
+    assert_eq!((found.size, found.photos), ([96, 72], 21));
+    assert!(
+        found.is_clear() && (found.vignetting.corner_stops() + 0.7).abs() < 0.1,
+        "{found:?}"
+    );
+    // Photographs of test views have the scene's own brightness again, those trained on their exposures.
+    let plain = scene.dataset(&through_a_lens(false));
+    for (view, plain) in read.views.iter().zip(&plain.views) {
+        let (removed, exact) = (photo::load(view).unwrap(), photo::load(plain).unwrap());
+        let corner = [0, 1, 96, 97].map(|pixel| removed.rgba[pixel][1].abs_diff(exact.rgba[pixel][1]));
+        // A tenth of a stop is 3 % of a value.
+        assert!(
+            corner.iter().all(|&difference| difference <= 8),
+            "{}: {corner:?}",
+            view.name
+        );
+    }
+    let [left]: [LensVignetting; 1] = vignetting(&read).unwrap().try_into().unwrap();
+    assert!(left.vignetting.corner_stops().abs() < 0.05, "{left:?}");
+}
+
+#[test]
+fn photographs_without_vignetting_stay_as_they_are() {
+    let made = scene(Kind::Facade).dataset(&through_a_lens(false));
+    let mut same = made.clone();
+    let found = remove_vignetting(&mut same).unwrap();
+    assert!(found.len() == 1 && !found[0].is_clear(), "{found:?}");
+    assert_eq!(same.views, made.views);
+    // Twenty training photographs are needed, and tracks.
+    let mut few = made.clone();
+    few.test_every = 2;
+    let error = remove_vignetting(&mut few).unwrap_err().to_string();
+    assert!(error.contains("20 training photographs"), "{error}");
+    let mut untracked = made;
+    untracked.tracks.clear();
+    assert!(remove_vignetting(&mut untracked).is_err() && vignetting(&untracked).unwrap().is_empty());
 }
 
 #[test]

@@ -1,8 +1,9 @@
 //! Exposures of the training photographs, from the tracks of the points.
 
 use crate::Result;
+use crate::cli::args::vignetting_line;
 use crate::scene::Dataset;
-use crate::train::exposure::{TrackExposure, from_tracks, stops};
+use crate::train::exposure::{self, LensVignetting, TrackExposure, from_tracks, stops};
 use serde_json::{Value, json};
 
 /// Root mean square in stops from which exposures differ visibly: a tenth of a stop is 3 % of a value.
@@ -34,6 +35,26 @@ pub(super) fn describe(dataset: &Dataset) -> Result<Option<(String, Value)>> {
         "photos": rows.iter().map(ExposureRow::value).collect::<Vec<_>>(),
     });
     Ok(Some((text, value)))
+}
+
+/// Vignetting of each lens, text and JSON; `None` without tracks or with few photographs.
+pub(super) fn vignetting(dataset: &Dataset) -> Result<Option<(String, Value)>> {
+    let lenses = exposure::vignetting(dataset)?;
+    let mut text = lenses.iter().map(vignetting_line).collect::<Vec<_>>().join("\n");
+    if lenses.iter().any(LensVignetting::is_clear) {
+        text += ": --vignetting removes it";
+    }
+    let values = lenses.iter().map(|lens| {
+        json!({
+            "size": lens.size,
+            "photos": lens.photos,
+            "coefficients": lens.vignetting.coefficients,
+            "is_clear": lens.is_clear(),
+            "corner_stops": lens.vignetting.corner_stops(),
+            "error_stops": lens.error_stops,
+        })
+    });
+    Ok((!lenses.is_empty()).then(|| (text, values.collect())))
 }
 
 /// A photograph of the table.

@@ -64,13 +64,6 @@ pub(super) fn shows_nothing(optics: &Optics) -> bool {
     })
 }
 
-/// Whether a picture is a side of a photograph that was split, and not the whole.
-pub(super) fn is_side(optics: &Optics) -> bool {
-    [optics.pinhole.width, optics.pinhole.height] != optics.size
-        || optics.pinhole.center != optics.center
-        || optics.lens_from_pinhole != DMat3::IDENTITY
-}
-
 /// Degrees from the axis to the border of the photograph, or to the fold of the lens.
 fn half_field(optics: &Optics, toward: DVec2, reach: f64) -> f64 {
     let degrees = (1..=1800).map(|step| 0.1 * f64::from(step));

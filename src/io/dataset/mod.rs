@@ -187,7 +187,7 @@ fn keep_seen_by_sides(views: &[View], points: &[Point], seen: &mut [Vec<u32>]) {
         let PhotoSource::File { optics, .. } = &view.photo else {
             return false;
         };
-        optics.as_ref().is_some_and(|optics| faces::is_side(optics))
+        optics.as_ref().is_some_and(|optics| optics.is_side())
     };
     for (view, list) in views.iter().zip(seen).filter(|(view, _)| is_side(view)) {
         list.retain(|&point| view.camera.sees(points[point as usize].position.into()));

@@ -148,6 +148,7 @@ fn look_at_photo(listed: &ListedView, options: &OpenOptions) -> Result<Option<Ch
                     optics: listed.lens.map(|lens| Box::new(Optics::of(lens, &camera))),
                     orientation,
                     mask: mask(listed, options.masks),
+                    vignetting: None,
                 };
             }
             Err(error) if options.photos_required => return Err(error),

@@ -33,19 +33,20 @@ pub const SIDE_MIN: u32 = 2;
 const DECODER_BYTES: u64 = 1 << 19;
 
 /// Loads a view's photograph at the size of the view's camera: decodes the file, removes the lens
-/// distortion at full size, and reduces by averaging over areas, weighted by alpha.
+/// distortion at full size, reduces by averaging over areas, weighted by alpha, and removes vignetting.
 ///
 /// # Errors
 /// The view has no photograph, or the file is missing, damaged, too large, or of another aspect ratio
 /// than the camera. Each names the file.
 pub fn load(view: &View) -> Result<Photo> {
-    let (path, optics, orientation, mask) = match &view.photo {
+    let (path, optics, orientation, mask, vignetting) = match &view.photo {
         PhotoSource::File {
             path,
             optics,
             orientation,
             mask,
-        } => (path, optics, *orientation, mask),
+            vignetting,
+        } => (path, optics, *orientation, mask, vignetting),
         PhotoSource::Memory(photo) => {
             let camera = (view.camera.width, view.camera.height);
             assert_eq!((photo.width, photo.height), camera, "a photo in memory fits");
@@ -75,7 +76,11 @@ pub fn load(view: &View) -> Result<Photo> {
         };
         photo = resample::undistort(&photo, &optics);
     }
-    Ok(resample::reduce(photo, camera.0, camera.1))
+    let mut photo = resample::reduce(photo, camera.0, camera.1);
+    if let Some(vignetting) = vignetting {
+        vignetting.remove(&mut photo.rgba, &view.camera);
+    }
+    Ok(photo)
 }
 
 /// Decodes a file at its own size, as its pixels are stored.

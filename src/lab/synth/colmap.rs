@@ -1,6 +1,7 @@
 //! COLMAP's binary model of a made data set, with the tracks of its points, and the truth of its perturbations.
 
 use super::fisheye::FisheyeLens;
+use super::perturb::VIGNETTING_STOPS;
 use super::save::save_photo;
 use super::{Scene, SynthOptions};
 use crate::error::{Error, Result};
@@ -47,6 +48,9 @@ fn save_truth(dataset: &Dataset, options: &SynthOptions, dir: &Path) -> Result<(
         let stops = stops.map(|(view, stops)| (file_name(view).to_owned(), json!(stops)));
         truth.insert("seed".into(), json!(seed));
         truth.insert("stops".into(), stops.collect::<serde_json::Map<_, _>>().into());
+    }
+    if options.vignetting {
+        truth.insert("vignetting_stops".into(), json!(VIGNETTING_STOPS));
     }
     if let Some(seed) = options.pose_seed {
         truth.insert("seed".into(), json!(seed));

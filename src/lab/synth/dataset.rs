@@ -2,7 +2,7 @@
 
 use super::fisheye::FisheyeLens;
 use super::noise::disturb;
-use super::perturb::{exposed, exposures};
+use super::perturb::{exposed, exposures, vignetting};
 use super::random::KeyedRandom;
 use super::shape::Shape;
 use super::{Material, Object, Scene, Texture};
@@ -69,6 +69,8 @@ pub struct SynthOptions {
     pub tracks: bool,
     /// Seed of exposures of the training photographs ([`SynthOptions::exposures`]); `None`: one exposure for all.
     pub exposure_seed: Option<u64>,
+    /// Take the photographs, those of test views too, through a lens that darkens the corners by 0.7 stops.
+    pub vignetting: bool,
     /// Seed of errors of the training cameras ([`SynthOptions::pose_amount`]); `None`: none. Needs tracks.
     pub pose_seed: Option<u64>,
     /// Size of these errors: 1 for half a degree and half a percent of the extent (rms).
@@ -100,6 +102,7 @@ impl Default for SynthOptions {
             test_every: 8,
             tracks: false,
             exposure_seed: None,
+            vignetting: false,
             pose_seed: None,
             pose_amount: 1.0,
             dome: false,
@@ -169,7 +172,7 @@ impl Scene {
                 photo: PhotoSource::Memory(match options.cutout {
                     true => scene.cutout(camera, options.samples),
                     false if options.is_fisheye(index) => scene.fisheye_photo(camera, &lens, options.samples),
-                    false => scene.exposed_photo(camera, options.samples, stops[index]),
+                    false => scene.exposed_photo(camera, options, stops[index]),
                 }),
             }
         };
@@ -256,13 +259,21 @@ impl Scene {
         points
     }
 
-    /// A photograph under an exposure in stops of each channel.
-    fn exposed_photo(&self, camera: &Camera, samples: u32, stops: [f64; 3]) -> Photo {
-        if stops == [0.0; 3] {
-            return self.photo(camera, samples);
+    /// A photograph under an exposure in stops of each channel, through the lens of the options.
+    fn exposed_photo(&self, camera: &Camera, options: &SynthOptions, stops: [f64; 3]) -> Photo {
+        if stops == [0.0; 3] && !options.vignetting {
+            return self.photo(camera, options.samples);
         }
-        let image = self.image(camera, samples).into_iter();
-        let image: Vec<[f32; 3]> = image.map(|color| exposed(color, stops)).collect();
+        let mut image = self.image(camera, options.samples);
+        for (index, color) in (0..).zip(&mut image) {
+            let pixel = DVec2::new((index % camera.width).into(), (index / camera.width).into()) + 0.5;
+            let lost = if options.vignetting {
+                vignetting(camera, pixel)
+            } else {
+                0.0
+            };
+            *color = exposed(*color, stops.map(|stop| stop - lost));
+        }
         Photo::from_rgb(camera.width, camera.height, &image)
     }
 

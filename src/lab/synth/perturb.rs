@@ -1,12 +1,24 @@
 //! Faults of real captures in made photographs, with the truth known.
 
 use super::random::KeyedRandom;
+use crate::scene::{Camera, Vignetting};
+use glam::DVec2;
 
 /// Largest exposure of a photograph in stops, either way.
 const EXPOSURE_STOPS: f64 = 1.0;
 
 /// Largest white balance in stops, of red and of blue, either way.
 const BALANCE_STOPS: f64 = 0.25;
+
+/// Loss of light of a made lens in the corners, stops.
+pub(super) const VIGNETTING_STOPS: f64 = 0.7;
+
+/// Loss of light of a made lens at a place in pixels, stops: half with the squared distance from the principal point,
+/// half with its square.
+pub(super) fn vignetting(camera: &Camera, pixel: DVec2) -> f64 {
+    let [q, square] = Vignetting::powers(camera, pixel);
+    0.5 * VIGNETTING_STOPS * (q + square)
+}
 
 /// Exposure of each view's red, green and blue in stops of linear light: 0 in test views, else uniform within one stop
 /// for all channels, and within a quarter for red and blue alone. The mean over the training views is 0 in each

@@ -77,3 +77,46 @@ fn a_run_with_exposures_keeps_one_brightness_and_resumes_to_the_byte() {
     let message = error(&train(word(&data), word(&refused), &["--exposure", "--parsimony"]));
     assert!(message.contains("--parsimony") && !refused.exists(), "{message}");
 }
+
+#[test]
+fn vignetting_is_told_removed_and_scored_without() {
+    let folder = folder();
+    let data = folder.path().join("lens/data");
+    let size = ["--photos", "24", "--size", "48x36", "--scene", "facade"];
+    let made = [
+        "demo",
+        "--data-only",
+        "--perturb",
+        "vignetting",
+        "--out",
+        word(&folder.path().join("lens")),
+    ]
+    .map(str::to_owned);
+    stdout(&[&made.each_ref().map(String::as_str)[..], &size].concat());
+    assert_eq!(read_json(&data.join("truth.json"))["vignetting_stops"], 0.7);
+    let text = stdout(&["info", word(&data)]);
+    assert!(text.contains("stops darker: --vignetting removes it"), "{text}");
+    let corner = |more: &[&str]| {
+        let found = json(&stdout(&[&["info", word(&data), "--json"], more].concat()));
+        found["vignetting"][0]["corner_stops"].as_f64().unwrap()
+    };
+    let (before, after) = (corner(&[]), corner(&["--vignetting"]));
+    assert!((before + 0.7).abs() < 0.15 && after.abs() < 0.05, "{before}, {after}");
+    let out = folder.path().join("run");
+    stdout(&train(word(&data), word(&out), &["--vignetting"]));
+    let report = read_json(&out.join("report.json"));
+    let score = |more: &[&str]| {
+        let scene = out.join("scene.ply");
+        let scores = json(&stdout(
+            &[&["eval", word(&scene), word(&data), "--json"], more].concat(),
+        ));
+        scores["mean"]["psnr_db"].as_f64().unwrap()
+    };
+    let reported = report["test"]["psnr_db"].as_f64().unwrap();
+    assert!((score(&["--vignetting"]) - reported).abs() < 1e-3 && (score(&[]) - reported).abs() > 1e-3);
+    let message = error(&["info", word(super::data()), "--vignetting"]);
+    assert!(
+        message.contains("tracks") && message.contains("20 training photographs"),
+        "{message}"
+    );
+}

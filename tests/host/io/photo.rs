@@ -27,6 +27,7 @@ pub(crate) fn view(path: &Path, camera: Camera, distortion: Option<Distortion>) 
             optics: distortion.map(|distortion| Box::new(Optics::of(Lens::Brown(distortion), &camera))),
             orientation: 1,
             mask: None,
+            vignetting: None,
         },
     }
 }

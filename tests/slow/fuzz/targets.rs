@@ -331,7 +331,7 @@ fn check_listed(name: &str, bytes: &[u8], read: fn(Source<'_>) -> Result<Listing
             let camera = view.camera.resized(width, height);
             let optics = view.lens.map(|lens| Box::new(Optics::of(lens, &camera)));
             let (path, mask) = (view.photo.clone(), None);
-            let source = PhotoSource::File { path, optics, orientation: 1, mask };
+            let source = PhotoSource::File { path, optics, orientation: 1, mask, vignetting: None };
             let view = View { name: view.name.clone(), camera, photo: source };
             let loaded = photo::load(&view);
             assert!(loaded.is_ok_and(|photo| photo.rgba.len() == (width * height) as usize));
