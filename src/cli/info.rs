@@ -18,6 +18,7 @@ use crate::render::{Blocks, Slots};
 use crate::scene::{Dataset, Split};
 use crate::simplify::for_auto_count;
 use crate::train::BufferLimits;
+use crate::train::exposure::TrackColors;
 use crate::{Error, Result};
 use clap::Args;
 use serde_json::{Value, json};
@@ -197,11 +198,12 @@ fn dataset(dataset: &Dataset) -> Result<(String, Value)> {
         dataset.alpha,
         bytes(photo_bytes),
     );
-    let exposure = exposures::describe(dataset)?.map(|(table, value)| {
+    let colors = TrackColors::read(dataset)?;
+    let exposure = exposures::describe(dataset, &colors).map(|(table, value)| {
         text += &format!("\n{table}");
         value
     });
-    let vignetting = exposures::vignetting(dataset)?.map(|(line, value)| {
+    let vignetting = exposures::vignetting(&colors).map(|(line, value)| {
         text += &format!("\n{line}");
         value
     });

@@ -2,8 +2,10 @@
 
 use ashfall::io::{dataset, photo};
 use ashfall::lab::synth::{Kind, SynthOptions, save, save_colmap, save_masks, scene};
-use ashfall::scene::{PhotoSource, Split};
-use ashfall::train::exposure::{LensVignetting, from_tracks, remove_vignetting, stops, vignetting};
+use ashfall::scene::{Dataset, PhotoSource, Split};
+use ashfall::train::exposure::{
+    LensVignetting, TrackColors, TrackExposure, from_tracks, remove_vignetting, stops, vignetting,
+};
 use glam::DVec2;
 
 #[test]
@@ -64,17 +66,21 @@ fn exposed(seed: Option<u64>) -> SynthOptions {
     }
 }
 
+fn exposures(dataset: &Dataset) -> Vec<TrackExposure> {
+    from_tracks(&TrackColors::read(dataset).unwrap())
+}
+
 #[test]
 fn exposures_come_back_from_the_tracks() {
     let dir = tempfile::tempdir().unwrap();
-    let unperturbed = from_tracks(&scene(Kind::Demo).dataset(&exposed(None))).unwrap();
+    let unperturbed = exposures(&scene(Kind::Demo).dataset(&exposed(None)));
     for seed in [Some(1), Some(2), None] {
         let options = exposed(seed);
         let made = scene(Kind::Demo).dataset(&options);
         save_colmap(&made, &options, dir.path()).unwrap();
         let read = dataset::open(dir.path(), &dataset::OpenOptions::default()).unwrap();
         assert_eq!(read.tracks, made.tracks);
-        let found = from_tracks(&read).unwrap();
+        let found = exposures(&read);
         let truth = options.exposures();
         assert_eq!(found.len(), 21, "training views alone");
         let (mut squares, mut shifts) = (0.0, 0.0);
@@ -103,19 +109,16 @@ fn exposures_come_back_from_the_tracks() {
 #[test]
 fn test_views_take_no_part_in_exposures() {
     let mut made = scene(Kind::Demo).dataset(&exposed(Some(1)));
-    let before = from_tracks(&made).unwrap();
+    let before = exposures(&made);
     for view in made.split(Split::Test) {
         let PhotoSource::Memory(photo) = &mut made.views[view].photo else {
             unreachable!()
         };
         photo.rgba.iter_mut().for_each(|pixel| pixel[0] /= 2);
     }
-    assert_eq!(from_tracks(&made).unwrap(), before);
+    assert_eq!(exposures(&made), before);
     made.tracks.clear();
-    assert!(
-        from_tracks(&made).unwrap().is_empty(),
-        "without tracks nothing is known"
-    );
+    assert!(exposures(&made).is_empty(), "without tracks nothing is known");
 }
 
 /// Vignetting of made photographs of the facade, which is matt, with exposures as well.
@@ -150,7 +153,7 @@ fn vignetting_comes_back_from_the_tracks() {
             view.name
         );
     }
-    let [left]: [LensVignetting; 1] = vignetting(&read).unwrap().try_into().unwrap();
+    let [left]: [LensVignetting; 1] = vignetting(&TrackColors::read(&read).unwrap()).try_into().unwrap();
     assert!(left.vignetting.corner_stops().abs() < 0.05, "{left:?}");
 }
 
@@ -168,7 +171,9 @@ fn photographs_without_vignetting_stay_as_they_are() {
     assert!(error.contains("20 training photographs"), "{error}");
     let mut untracked = made;
     untracked.tracks.clear();
-    assert!(remove_vignetting(&mut untracked).is_err() && vignetting(&untracked).unwrap().is_empty());
+    assert!(
+        remove_vignetting(&mut untracked).is_err() && vignetting(&TrackColors::read(&untracked).unwrap()).is_empty()
+    );
 }
 
 #[test]

@@ -1,9 +1,8 @@
 //! Exposures of the training photographs, from the tracks of the points.
 
-use crate::Result;
 use crate::cli::args::vignetting_line;
 use crate::scene::Dataset;
-use crate::train::exposure::{self, LensVignetting, TrackExposure, from_tracks, stops};
+use crate::train::exposure::{self, LensVignetting, TrackColors, TrackExposure, from_tracks, stops};
 use serde_json::{Value, json};
 
 /// Root mean square in stops from which exposures differ visibly: a tenth of a stop is 3 % of a value.
@@ -13,10 +12,10 @@ const RMS_MIN: f64 = 0.1;
 const LISTED_MAX: usize = 40;
 
 /// Text and JSON; `None` without tracks.
-pub(super) fn describe(dataset: &Dataset) -> Result<Option<(String, Value)>> {
-    let found = from_tracks(dataset)?;
+pub(super) fn describe(dataset: &Dataset, colors: &TrackColors) -> Option<(String, Value)> {
+    let found = from_tracks(colors);
     if found.is_empty() {
-        return Ok(None);
+        return None;
     }
     let rows: Vec<ExposureRow<'_>> = found.iter().map(|of| ExposureRow::of(dataset, of)).collect();
     let all = rows.iter().flat_map(|row| row.stops);
@@ -34,12 +33,12 @@ pub(super) fn describe(dataset: &Dataset) -> Result<Option<(String, Value)>> {
         "differ": differ,
         "photos": rows.iter().map(ExposureRow::value).collect::<Vec<_>>(),
     });
-    Ok(Some((text, value)))
+    Some((text, value))
 }
 
 /// Vignetting of each lens, text and JSON; `None` without tracks or with few photographs.
-pub(super) fn vignetting(dataset: &Dataset) -> Result<Option<(String, Value)>> {
-    let lenses = exposure::vignetting(dataset)?;
+pub(super) fn vignetting(colors: &TrackColors) -> Option<(String, Value)> {
+    let lenses = exposure::vignetting(colors);
     let mut text = lenses.iter().map(vignetting_line).collect::<Vec<_>>().join("\n");
     if lenses.iter().any(LensVignetting::is_clear) {
         text += ": --vignetting removes it";
@@ -54,7 +53,7 @@ pub(super) fn vignetting(dataset: &Dataset) -> Result<Option<(String, Value)>> {
             "error_stops": lens.error_stops,
         })
     });
-    Ok((!lenses.is_empty()).then(|| (text, values.collect())))
+    (!lenses.is_empty()).then(|| (text, values.collect()))
 }
 
 /// A photograph of the table.

@@ -20,14 +20,6 @@ pub(super) struct Observation {
     pub(super) lens: Option<(usize, [f64; 2])>,
 }
 
-/// Those of points with at least two observations: one alone says nothing of exposures.
-pub(super) fn shared(mut all: Vec<Observation>, points: usize) -> Vec<Observation> {
-    let mut count = vec![0_u32; points];
-    all.iter().for_each(|s| count[s.point] += 1);
-    all.retain(|s| count[s.point] > 1);
-    all
-}
-
 /// Solution for one channel.
 pub(super) struct TrackFit {
     /// e of each photograph.
@@ -51,7 +43,8 @@ pub(super) struct FitSize {
 }
 
 impl TrackFit {
-    pub(super) fn of(all: &[Observation], size: FitSize) -> TrackFit {
+    pub(super) fn of(all: Vec<Observation>, size: FitSize) -> TrackFit {
+        let all = &shared(all, size.points);
         let mut counts = vec![0; size.photos];
         all.iter().for_each(|s| counts[s.photo] += 1);
         let mut unknowns = vec![0.0; size.photos + 2 * size.lenses];
@@ -79,6 +72,14 @@ impl TrackFit {
             deviation,
         }
     }
+}
+
+/// Those of points with at least two observations: one alone says nothing of exposures.
+fn shared(mut all: Vec<Observation>, points: usize) -> Vec<Observation> {
+    let mut count = vec![0_u32; points];
+    all.iter().for_each(|s| count[s.point] += 1);
+    all.retain(|s| count[s.point] > 1);
+    all
 }
 
 impl Observation {
@@ -232,7 +233,7 @@ mod tests {
                 });
             }
         }
-        (shared(all, points), gains, points)
+        (all, gains, points)
     }
 
     fn without_lens(photos: usize, points: usize) -> FitSize {
@@ -253,14 +254,14 @@ mod tests {
     #[test]
     fn a_long_chain_is_solved_exactly() {
         let (all, gains, points) = chain(300, 0.0, 0.0);
-        let fit = TrackFit::of(&all, without_lens(300, points));
+        let fit = TrackFit::of(all, without_lens(300, points));
         assert!(worst(&fit.photos, &gains) < 1e-8, "{}", worst(&fit.photos, &gains));
     }
 
     #[test]
     fn gains_are_found_through_noise_and_outliers() {
         let (all, gains, points) = chain(12, 0.2, 0.05);
-        let fit = TrackFit::of(&all, without_lens(12, points));
+        let fit = TrackFit::of(all.clone(), without_lens(12, points));
         let robust = worst(&fit.photos, &gains);
         // Noise of 0.058 over about 114 observations a photograph, along a chain of 12.
         assert!(robust < 0.04, "{robust}");
@@ -279,7 +280,7 @@ mod tests {
             lens: None,
         };
         let all = shared(vec![lone(0), lone(1)], 2);
-        let fit = TrackFit::of(&all, without_lens(2, 2));
+        let fit = TrackFit::of(all, without_lens(2, 2));
         assert_eq!((fit.photos, fit.deviation), (vec![0.0; 2], 0.0));
     }
 
@@ -312,7 +313,7 @@ mod tests {
             lenses: 1,
             points,
         };
-        let fit = TrackFit::of(&all, size);
+        let fit = TrackFit::of(all, size);
         let corner = fit.lenses[0].iter().sum::<f64>() + 0.22;
         // Four standard errors, which are of the order of the noise over the root of a few hundred.
         let error = fit.lens_errors[0];

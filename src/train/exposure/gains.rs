@@ -8,7 +8,7 @@
 //! has errors of 0.08 stops rms by renderings and of 0.03 by tracks). So a photograph with tracks goes only a tenth of
 //! the way from its first gain, and keeps it where the exposures of tracks hardly differ.
 
-use super::{CURVE_POWER, center, from_tracks, stops};
+use super::{CURVE_POWER, TrackColors, center, from_tracks, stops};
 use crate::Result;
 use crate::scene::Dataset;
 use serde::{Deserialize, Serialize};
@@ -44,10 +44,13 @@ impl ExposureGains {
     /// Gains from the tracks of the points, or 1 without tracks; `views` are the training views.
     ///
     /// # Errors
-    /// Those of [`from_tracks`].
+    /// Those of [`TrackColors::read`].
     pub fn begin(dataset: &Dataset, views: &[usize]) -> Result<ExposureGains> {
         let mut tracked = vec![None; views.len()];
-        for found in from_tracks(dataset)?.iter().filter(|found| found.is_trusted()) {
+        for found in from_tracks(&TrackColors::read(dataset)?)
+            .iter()
+            .filter(|found| found.is_trusted())
+        {
             if let Ok(place) = views.binary_search(&found.view) {
                 tracked[place] = Some(found.log_gain);
             }

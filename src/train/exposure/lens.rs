@@ -6,9 +6,9 @@
 //! Photographs of one width and height count as those of one lens. The sides of a wide photograph have no vignetting of
 //! their own.
 
+use super::colors::{PatchColor, PhotoColors, TrackColors, lens_size};
 use super::fit::{FitSize, TrackFit};
 use super::stops;
-use super::tracks::{PatchColor, observations, patches, photographed};
 use crate::error::{Error, Result};
 use crate::scene::{Dataset, PhotoSource, View, Vignetting};
 use std::collections::BTreeMap;
@@ -49,32 +49,32 @@ impl LensVignetting {
     }
 }
 
-/// Vignetting of each lens with at least twenty training photographs, by their size; empty without tracks. Test views
-/// take no part.
-///
-/// # Errors
-/// Those of a photograph that cannot be read.
-pub fn vignetting(dataset: &Dataset) -> Result<Vec<LensVignetting>> {
-    let views = photographed(dataset);
+/// Vignetting of each lens with at least twenty training photographs, by their size.
+pub fn vignetting(colors: &TrackColors) -> Vec<LensVignetting> {
     let mut photos: BTreeMap<[u32; 2], usize> = BTreeMap::new();
-    for &view in &views {
-        if let Some(size) = lens_size(&dataset.views[view]) {
-            *photos.entry(size).or_default() += 1;
-        }
+    for size in colors.photos.iter().filter_map(|photo| photo.lens) {
+        *photos.entry(size).or_default() += 1;
     }
     photos.retain(|_, count| *count >= PHOTOS_MIN);
-    if dataset.tracks.is_empty() || photos.is_empty() {
-        return Ok(Vec::new());
+    if photos.is_empty() {
+        return Vec::new();
     }
     let sizes: Vec<[u32; 2]> = photos.keys().copied().collect();
-    let lens = |photo: usize| sizes.binary_search(&lens_size(&dataset.views[views[photo]])?).ok();
-    let mut seen = patches(dataset, &views)?;
-    let size = FitSize {
-        photos: views.len(),
-        lenses: sizes.len(),
-        points: separate_directions(&mut seen),
+    let lens = |photo: &PhotoColors| sizes.binary_search(&photo.lens?).ok();
+    // A point counts anew for every direction.
+    let mut points: BTreeMap<(usize, [i64; 3]), usize> = BTreeMap::new();
+    let point = |patch: &PatchColor| {
+        let direction = (DIRECTION_CELLS * patch.direction).round().as_i64vec3().to_array();
+        let next = points.len();
+        *points.entry((patch.point, direction)).or_insert(next)
     };
-    let fit = TrackFit::of(&observations(&seen, GREEN, size.points, lens), size);
+    let all = colors.observations(GREEN, lens, point);
+    let size = FitSize {
+        photos: colors.photos.len(),
+        lenses: sizes.len(),
+        points: points.len(),
+    };
+    let fit = TrackFit::of(all, size);
     let of = |(lens, (size, photos))| LensVignetting {
         size,
         photos,
@@ -83,7 +83,7 @@ pub fn vignetting(dataset: &Dataset) -> Result<Vec<LensVignetting>> {
         },
         error_stops: stops(fit.lens_errors[lens]),
     };
-    Ok(photos.into_iter().enumerate().map(of).collect())
+    photos.into_iter().enumerate().map(of).collect()
 }
 
 /// Finds the vignetting of each lens, and, where it is clear, removes it from all photographs of the lens, those of
@@ -92,7 +92,7 @@ pub fn vignetting(dataset: &Dataset) -> Result<Vec<LensVignetting>> {
 /// # Errors
 /// No lens has enough photographs, the points have no tracks, or a photograph cannot be read.
 pub fn remove_vignetting(dataset: &mut Dataset) -> Result<Vec<LensVignetting>> {
-    let found = vignetting(dataset)?;
+    let found = vignetting(&TrackColors::read(dataset)?);
     if found.is_empty() {
         let what = format!(
             "vignetting follows from points that a COLMAP model tracks through at least {PHOTOS_MIN} training \
@@ -109,30 +109,10 @@ pub fn remove_vignetting(dataset: &mut Dataset) -> Result<Vec<LensVignetting>> {
     Ok(found)
 }
 
-/// Counts each point anew for every direction that it is seen from, and returns the number.
-fn separate_directions(seen: &mut [Vec<PatchColor>]) -> usize {
-    let mut places: BTreeMap<(usize, [i64; 3]), usize> = BTreeMap::new();
-    for patch in seen.iter_mut().flatten() {
-        let cell = (DIRECTION_CELLS * patch.direction).round().as_i64vec3().to_array();
-        let next = places.len();
-        patch.point = *places.entry((patch.point, cell)).or_insert(next);
-    }
-    places.len()
-}
-
 fn remove(view: &mut View, of_lens: Vignetting) {
     match &mut view.photo {
         PhotoSource::File { vignetting, .. } => *vignetting = Some(of_lens),
         PhotoSource::Memory(photo) => of_lens.remove(&mut photo.rgba, &view.camera),
         PhotoSource::Absent => {}
     }
-}
-
-/// Width and height of a whole photograph; `None` for a side.
-fn lens_size(view: &View) -> Option<[u32; 2]> {
-    let is_side = match &view.photo {
-        PhotoSource::File { optics, .. } => optics.as_ref().is_some_and(|optics| optics.is_side()),
-        _ => false,
-    };
-    (!is_side).then_some([view.camera.width, view.camera.height])
 }

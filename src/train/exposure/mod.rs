@@ -6,12 +6,14 @@
 //! **Invariant:** the mean of log gains over the training photographs is 0 in each channel: the brightness of the scene
 //! depends neither on the order of photographs nor on the seed.
 
+mod colors;
 mod fit;
 mod gains;
 mod lens;
 mod tracks;
 
 pub use crate::scene::{CURVE_OFFSET, CURVE_POWER, stops};
+pub use colors::TrackColors;
 pub use gains::ExposureGains;
 pub use lens::{LensVignetting, remove_vignetting, vignetting};
 pub use tracks::{TrackExposure, from_tracks};

@@ -6,16 +6,9 @@
 //! eliminated and the photographs' equations are solved by conjugate gradients, so that a long chain of photographs
 //! converges as well as a ring. Nothing is random.
 
-use super::fit::{FitSize, Observation, TrackFit, shared};
-use super::{CURVE_OFFSET, center};
-use crate::Result;
-use crate::io::photo;
-use crate::scene::{Dataset, PhotoSource, Split, Vignetting};
-use glam::DVec3;
-use rayon::prelude::*;
-
-/// Values of an observation: outside of these, the sensor or the curve's toe says little.
-const VALUES: std::ops::Range<f64> = 0.05..0.97;
+use super::center;
+use super::colors::TrackColors;
+use super::fit::{FitSize, TrackFit};
 
 /// Fewest observations of a photograph that are trusted.
 const OBSERVATIONS_MIN: usize = 20;
@@ -40,34 +33,29 @@ impl TrackExposure {
     }
 }
 
-/// Exposures of the training photographs, in the order of their views; empty without tracks or with less than two
-/// photographs. Test views take no part.
-///
-/// # Errors
-/// Those of a photograph that cannot be read.
-pub fn from_tracks(dataset: &Dataset) -> Result<Vec<TrackExposure>> {
-    let views = photographed(dataset);
-    if dataset.tracks.is_empty() || views.len() < 2 {
-        return Ok(Vec::new());
+/// Exposures of the training photographs, in the order of their views; empty with less than two photographs.
+pub fn from_tracks(colors: &TrackColors) -> Vec<TrackExposure> {
+    if colors.photos.len() < 2 {
+        return Vec::new();
     }
-    let seen = patches(dataset, &views)?;
-    let mut exposures: Vec<TrackExposure> = views
+    let size = FitSize {
+        photos: colors.photos.len(),
+        lenses: 0,
+        points: colors.points,
+    };
+    let mut exposures: Vec<TrackExposure> = colors
+        .photos
         .iter()
-        .map(|&view| TrackExposure {
-            view,
+        .map(|photo| TrackExposure {
+            view: photo.view,
             log_gain: [0.0; 3],
             error: 0.0,
             observations: usize::MAX,
         })
         .collect();
     for channel in 0..3 {
-        let all = observations(&seen, channel, dataset.points.len(), |_| None);
-        let size = FitSize {
-            photos: views.len(),
-            lenses: 0,
-            points: dataset.points.len(),
-        };
-        let fit = TrackFit::of(&all, size);
+        let all = colors.observations(channel, |_| None, |patch| patch.point);
+        let fit = TrackFit::of(all, size);
         for (photo, exposure) in exposures.iter_mut().enumerate() {
             exposure.log_gain[channel] = fit.photos[photo];
             exposure.observations = exposure.observations.min(fit.counts[photo]);
@@ -82,63 +70,5 @@ pub fn from_tracks(dataset: &Dataset) -> Result<Vec<TrackExposure>> {
     center(&mut gains);
     let with_gains = exposures.iter_mut().zip(gains);
     with_gains.for_each(|(exposure, gain)| exposure.log_gain = gain);
-    Ok(exposures)
-}
-
-/// Training views with a photograph.
-pub(super) fn photographed(dataset: &Dataset) -> Vec<usize> {
-    let has_photo = |&view: &usize| !matches!(dataset.views[view].photo, PhotoSource::Absent);
-    dataset.split(Split::Train).into_iter().filter(has_photo).collect()
-}
-
-/// Mean over 3 × 3 pixels about a point.
-pub(super) struct PatchColor {
-    pub(super) point: usize,
-    /// Values of the channels.
-    values: [f64; 3],
-    /// q and q² of the place in the picture.
-    powers: [f64; 2],
-    /// Unit vector from the point to the camera.
-    pub(super) direction: DVec3,
-}
-
-/// Patches about the points that each view sees.
-pub(super) fn patches(dataset: &Dataset, views: &[usize]) -> Result<Vec<Vec<PatchColor>>> {
-    views.par_iter().map(|&view| patches_of(dataset, view)).collect()
-}
-
-fn patches_of(dataset: &Dataset, view: usize) -> Result<Vec<PatchColor>> {
-    let listed = &dataset.views[view];
-    let photo = photo::load(listed)?;
-    let at = |&point: &u32| {
-        let position = DVec3::from(dataset.points[point as usize].position);
-        let pixel = listed.camera.pixel_from_world(position)?;
-        Some(PatchColor {
-            point: point as usize,
-            values: photo.patch(pixel)?,
-            powers: Vignetting::powers(&listed.camera, pixel),
-            direction: (listed.camera.position - position).normalize_or_zero(),
-        })
-    };
-    Ok(dataset.tracks[view].iter().filter_map(at).collect())
-}
-
-/// Observations of a channel, of each photograph's lens where its vignetting is an unknown.
-pub(super) fn observations(
-    patches: &[Vec<PatchColor>],
-    channel: usize,
-    points: usize,
-    lens: impl Fn(usize) -> Option<usize>,
-) -> Vec<Observation> {
-    let all = patches.iter().enumerate().flat_map(|(photo, list)| {
-        let lens = lens(photo);
-        let known = list.iter().filter(move |patch| VALUES.contains(&patch.values[channel]));
-        known.map(move |patch| Observation {
-            photo,
-            point: patch.point,
-            value: (patch.values[channel] + CURVE_OFFSET).ln(),
-            lens: lens.map(|lens| (lens, patch.powers)),
-        })
-    });
-    shared(all.collect(), points)
+    exposures
 }
