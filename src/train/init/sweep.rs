@@ -2,7 +2,9 @@
 //!
 //! A ray through a random pixel of a photograph is swept in depth: at each depth, a small cross of pixels is seen in
 //! other photographs, and the depth at which their colours agree best gives the point, the pixel its colour. Depths are
-//! spaced evenly in their logarithm, for a splat's size on the screen is what counts. Photographs are reduced first.
+//! spaced evenly in their logarithm, for a splat's size on the screen is what counts; between them the errors are taken
+//! for a parabola. A ray that tells no depth, or another one than its neighbours in the photograph, is left out: splats
+//! at wrong depths before the cameras stay as floaters. Photographs are reduced first.
 
 use super::points_in_frusta;
 use crate::Result;
@@ -10,7 +12,7 @@ use crate::scene::{Camera, Dataset, Point, focus};
 use crate::train::config::InitConfig;
 use crate::train::rng::{self, Stream};
 use crate::train::thumbnails::ReducedPhoto;
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 /// Other photographs that must show a place for it to be judged.
@@ -20,14 +22,30 @@ const OTHERS_MIN: usize = 2;
 /// background of one colour, does not.
 const CONTRAST_MIN: f64 = 0.03;
 
+/// Largest share that the error of the best depth may be of that of any other place on the ray: patterns that repeat
+/// agree in several.
+const RIVAL_MAX: f64 = 0.7;
+
+/// Distance in steps from the best depth at which another place begins.
+const RIVAL_STEPS: usize = 3;
+
+/// Nearest rays of a photograph with whose median depth a ray must agree.
+const NEIGHBORS: usize = 5;
+
+/// Largest difference from it, of the logarithm.
+const DEVIATION_MAX: f64 = 0.15;
+
+/// Rays for each point, at most; with more the photographs tell nothing.
+const RAYS_PER_POINT_MAX: usize = 20;
+
 /// Pixels of the cross about the middle one.
 const CROSS: [[f64; 2]; 5] = [[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]];
 
 /// Draws of a pixel, at most, to find one that counts.
 const PIXEL_DRAWS: u32 = 4;
 
-/// `count` points by sweeps of as many depths as configured, and grey ones in the cameras' frusta where those tell
-/// nothing. Each is a pure function of the seed.
+/// At most `count` points by sweeps of as many depths as configured; so many grey ones in the cameras' frusta where
+/// photographs tell nothing. A pure function of the seed.
 pub(super) fn points_by_sweep(
     dataset: &Dataset,
     training: &[usize],
@@ -42,10 +60,9 @@ pub(super) fn points_by_sweep(
     let distance = |camera: &Camera| focus.map_or(extent, |focus| camera.position.distance(focus));
     let step = cameras.len().div_ceil(config.random_cameras as usize);
     let others: Vec<usize> = (0..cameras.len()).step_by(step).collect();
-    let elsewhere = points_in_frusta(&cameras, count, extent, seed, config);
-    let point = |index: usize| {
+    let ray = |index: usize| {
         let own = index % thumbnails.len();
-        let ray = DepthSweep {
+        let sweep = DepthSweep {
             own: &thumbnails[own],
             others: others
                 .iter()
@@ -55,9 +72,53 @@ pub(super) fn points_by_sweep(
             depth: distance(&cameras[own]),
             key: [seed, index as u64],
         };
-        ray.point(config).unwrap_or(elsewhere[index])
+        sweep.ray(config)
     };
-    Ok((0..count).into_par_iter().map(point).collect())
+    let rays: Vec<Option<Ray>> = (0..count).into_par_iter().map(ray).collect();
+    let point = |index: usize| {
+        let (ray, photo) = (rays[index].as_ref()?, index % thumbnails.len());
+        // Rays take turns among the photographs.
+        let beside = rays.iter().skip(photo).step_by(thumbnails.len()).flatten();
+        ray.agrees_with(beside).then(|| ray.point(&thumbnails[photo].camera))
+    };
+    let points: Vec<Point> = (0..count).into_par_iter().filter_map(point).collect();
+    Ok(match points.len() * RAYS_PER_POINT_MAX < count {
+        true => points_in_frusta(&cameras, count, extent, seed, config),
+        false => points,
+    })
+}
+
+/// A pixel of a photograph whose depth stands out.
+struct Ray {
+    pixel: DVec2,
+    color: DVec3,
+    /// Depth along the ray, world units.
+    depth: f64,
+}
+
+impl Ray {
+    /// Whether the depth is about the median of the nearest rays of the photograph.
+    fn agrees_with<'a>(&self, rays: impl Iterator<Item = &'a Ray>) -> bool {
+        let mut near: Vec<(f64, f64)> = rays
+            .map(|ray| (ray.pixel.distance_squared(self.pixel), ray.depth))
+            .filter(|(distance, _)| *distance > 0.0)
+            .collect();
+        if near.is_empty() {
+            return true;
+        }
+        let count = near.len().min(NEIGHBORS);
+        near.select_nth_unstable_by(count - 1, |a, b| a.0.total_cmp(&b.0));
+        near.truncate(count);
+        near.sort_unstable_by(|a, b| a.1.total_cmp(&b.1));
+        (self.depth / near[count / 2].1).ln().abs() < DEVIATION_MAX
+    }
+
+    fn point(&self, camera: &Camera) -> Point {
+        Point {
+            position: (camera.position + self.depth * camera.ray_from_pixel(self.pixel)).to_array(),
+            color: self.color.as_vec3().to_array(),
+        }
+    }
 }
 
 /// A ray of a photograph among the others.
@@ -70,37 +131,41 @@ struct DepthSweep<'a> {
 }
 
 impl DepthSweep<'_> {
-    /// Point of the ray; `None` where no depth stands out.
-    fn point(&self, config: &InitConfig) -> Option<Point> {
+    /// The ray; `None` where no pixel counts or no depth stands out.
+    fn ray(&self, config: &InitConfig) -> Option<Ray> {
         let [seed, index] = self.key;
         let draw = |draw: u32| rng::uniform(seed, draw, index as u32, Stream::RandomInit).map(f64::from);
         let size = DVec2::new(self.own.photo.width.into(), self.own.photo.height.into());
         let pixel = |[u, v, ..]: [f64; 4]| DVec2::new(u, v) * size;
-        let draws = (0..PIXEL_DRAWS).map(|i| pixel(draw(i)));
-        let middle = draws.into_iter().find(|&place| self.own.color(place).is_some())?;
+        let mut draws = (0..PIXEL_DRAWS).map(|i| pixel(draw(i)));
+        let (pixel, color) = draws.find_map(|place| Some((place, self.own.color(place)?)))?;
+        let depth = self.depth(pixel, draw(PIXEL_DRAWS)[0], config)?;
+        Some(Ray { pixel, color, depth })
+    }
+
+    /// Depth at which the colours agree best, if it stands out. All depths are shifted alike, by a share of their
+    /// spacing.
+    fn depth(&self, pixel: DVec2, shift: f64, config: &InitConfig) -> Option<f64> {
         let [near, far] = config.random_depths;
-        // All depths of a ray are shifted alike, by a share of their spacing.
-        let shift = draw(PIXEL_DRAWS)[0];
         let steps = config.random_sweep;
-        let depth_at = |step: u32| {
-            let share = (f64::from(step) + shift) / f64::from(steps);
-            self.depth * near * (far / near).powf(share)
-        };
-        let errors: Vec<(f64, u32)> = (0..steps)
-            .filter_map(|step| Some((self.error(middle, depth_at(step))?, step)))
+        let depth_at = |step: f64| self.depth * near * (far / near).powf((step + shift) / f64::from(steps));
+        let errors: Vec<Option<f64>> = (0..steps)
+            .map(|step| self.error(pixel, depth_at(step.into())))
             .collect();
-        let best = errors
-            .iter()
-            .copied()
-            .reduce(|best, next| if next.0 < best.0 { next } else { best })?;
-        let worst = errors.iter().fold(0.0, |worst: f64, error| worst.max(error.0));
-        let stands_out = worst - best.0 >= CONTRAST_MIN;
-        let position = self.own.camera.position + depth_at(best.1) * self.own.camera.ray_from_pixel(middle);
-        let color = self.own.color(middle)?;
-        stands_out.then(|| Point {
-            position: position.to_array(),
-            color: color.as_vec3().to_array(),
-        })
+        let known = || (0..).zip(&errors).filter_map(|(step, error)| Some((step, (*error)?)));
+        let (step, best) = known().reduce(|best: (usize, f64), next| if next.1 < best.1 { next } else { best })?;
+        let worst = known().fold(0.0, |worst: f64, (_, error)| worst.max(error));
+        let beside = |step: Option<usize>| *errors.get(step?)?;
+        let offset = match (beside(step.checked_sub(1)), beside(Some(step + 1))) {
+            (Some(before), Some(after)) if before + after > 2.0 * best => {
+                0.5 * (before - after) / (before - 2.0 * best + after)
+            }
+            _ => 0.0,
+        };
+        let elsewhere = known().filter(|(other, _)| other.abs_diff(step) >= RIVAL_STEPS);
+        let rival = elsewhere.fold(f64::INFINITY, |least: f64, (_, error)| least.min(error));
+        let stands_out = worst - best >= CONTRAST_MIN && best <= RIVAL_MAX * rival;
+        stands_out.then(|| depth_at(step as f64 + offset))
     }
 
     /// Mean difference of the cross's colours in the better half of the photographs that show it; `None` in too few.
