@@ -74,7 +74,7 @@ pub(super) fn points_by_sweep(
         };
         sweep.ray(config)
     };
-    let rays: Vec<Option<Ray>> = (0..count).into_par_iter().map(ray).collect();
+    let rays: Vec<Option<DepthRay>> = (0..count).into_par_iter().map(ray).collect();
     let point = |index: usize| {
         let (ray, photo) = (rays[index].as_ref()?, index % thumbnails.len());
         // Rays take turns among the photographs.
@@ -89,16 +89,16 @@ pub(super) fn points_by_sweep(
 }
 
 /// A pixel of a photograph whose depth stands out.
-struct Ray {
+struct DepthRay {
     pixel: DVec2,
     color: DVec3,
     /// Depth along the ray, world units.
     depth: f64,
 }
 
-impl Ray {
+impl DepthRay {
     /// Whether the depth is about the median of the nearest rays of the photograph.
-    fn agrees_with<'a>(&self, rays: impl Iterator<Item = &'a Ray>) -> bool {
+    fn agrees_with<'a>(&self, rays: impl Iterator<Item = &'a DepthRay>) -> bool {
         let mut near: Vec<(f64, f64)> = rays
             .map(|ray| (ray.pixel.distance_squared(self.pixel), ray.depth))
             .filter(|(distance, _)| *distance > 0.0)
@@ -132,7 +132,7 @@ struct DepthSweep<'a> {
 
 impl DepthSweep<'_> {
     /// The ray; `None` where no pixel counts or no depth stands out.
-    fn ray(&self, config: &InitConfig) -> Option<Ray> {
+    fn ray(&self, config: &InitConfig) -> Option<DepthRay> {
         let [seed, index] = self.key;
         let draw = |draw: u32| rng::uniform(seed, draw, index as u32, Stream::RandomInit).map(f64::from);
         let size = DVec2::new(self.own.photo.width.into(), self.own.photo.height.into());
@@ -140,7 +140,7 @@ impl DepthSweep<'_> {
         let mut draws = (0..PIXEL_DRAWS).map(|i| pixel(draw(i)));
         let (pixel, color) = draws.find_map(|place| Some((place, self.own.color(place)?)))?;
         let depth = self.depth(pixel, draw(PIXEL_DRAWS)[0], config)?;
-        Some(Ray { pixel, color, depth })
+        Some(DepthRay { pixel, color, depth })
     }
 
     /// Depth at which the colours agree best, if it stands out. All depths are shifted alike, by a share of their
