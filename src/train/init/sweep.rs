@@ -256,6 +256,22 @@ mod tests {
     }
 
     #[test]
+    fn a_ray_agrees_with_its_neighbours_or_is_left_out() {
+        let ray = |x: f64, depth: f64| DepthRay {
+            pixel: DVec2::new(x, 0.0),
+            color: DVec3::ZERO,
+            depth,
+        };
+        let mut rays: Vec<DepthRay> = [4.0, 4.1, 4.2, 4.3, 4.4].map(|depth| ray(10.0 * depth, depth)).into();
+        // Far off, where it is deeper.
+        rays.extend([200.0, 201.0, 202.0, 203.0, 204.0].map(|x| ray(x, 9.0)));
+        let agrees = |x: f64, depth: f64| ray(x, depth).agrees_with(rays.iter());
+        assert!(agrees(42.5, 4.5) && agrees(42.5, 3.8) && agrees(205.0, 9.5));
+        assert!(!agrees(42.5, 9.0) && !agrees(42.5, 2.0) && !agrees(205.0, 4.0));
+        assert!(ray(0.0, 1.0).agrees_with([].iter()), "alone");
+    }
+
+    #[test]
     fn a_plain_wall_tells_no_depth() -> Result<()> {
         let found = points(&dataset(false))?;
         assert!(found.len() == 300 && found.iter().all(|point| point.color == [0.5; 3]));
