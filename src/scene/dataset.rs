@@ -137,6 +137,16 @@ pub struct View {
     pub photo: PhotoSource,
 }
 
+impl View {
+    /// Whether it is a side of a photograph that was split, and not the whole.
+    pub fn is_side(&self) -> bool {
+        match &self.photo {
+            PhotoSource::File { optics, .. } => optics.as_ref().is_some_and(|optics| optics.is_side()),
+            PhotoSource::Memory(_) | PhotoSource::Absent => false,
+        }
+    }
+}
+
 /// Views sorted by name, and points.
 #[derive(Clone, Debug, Default)]
 pub struct Dataset {

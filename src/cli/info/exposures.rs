@@ -1,4 +1,4 @@
-//! Exposures of the training photographs, from the tracks of the points.
+//! Exposures of the training photographs and vignetting of their lenses, from the tracks of the points.
 
 use crate::cli::args::vignetting_line;
 use crate::scene::Dataset;

@@ -12,7 +12,7 @@ mod reconstruction;
 mod views;
 
 use crate::error::{Error, Result};
-use crate::scene::{AlphaMode, Dataset, PhotoSource, Point, Split, View};
+use crate::scene::{AlphaMode, Dataset, Point, Split, View};
 pub use check::check_capture;
 use glam::DVec3;
 pub use reconstruction::Reconstruction;
@@ -183,13 +183,7 @@ fn keep_finite_seen(points: &[Point], seen: &mut Vec<Vec<u32>>) {
 
 /// Drops points outside a side from the list of the points that its photograph sees.
 fn keep_seen_by_sides(views: &[View], points: &[Point], seen: &mut [Vec<u32>]) {
-    let is_side = |view: &View| {
-        let PhotoSource::File { optics, .. } = &view.photo else {
-            return false;
-        };
-        optics.as_ref().is_some_and(|optics| optics.is_side())
-    };
-    for (view, list) in views.iter().zip(seen).filter(|(view, _)| is_side(view)) {
+    for (view, list) in views.iter().zip(seen).filter(|(view, _)| view.is_side()) {
         list.retain(|&point| view.camera.sees(points[point as usize].position.into()));
     }
 }

@@ -109,9 +109,5 @@ impl PhotoColors {
 
 /// Width and height of a whole photograph; `None` for a side.
 pub(super) fn lens_size(view: &View) -> Option<[u32; 2]> {
-    let is_side = match &view.photo {
-        PhotoSource::File { optics, .. } => optics.as_ref().is_some_and(|optics| optics.is_side()),
-        _ => false,
-    };
-    (!is_side).then_some([view.camera.width, view.camera.height])
+    (!view.is_side()).then_some([view.camera.width, view.camera.height])
 }

@@ -81,18 +81,11 @@ fn a_run_with_exposures_keeps_one_brightness_and_resumes_to_the_byte() {
 #[test]
 fn vignetting_is_told_removed_and_scored_without() {
     let folder = folder();
-    let data = folder.path().join("lens/data");
+    let made = folder.path().join("lens");
+    let data = made.join("data");
     let size = ["--photos", "24", "--size", "48x36", "--scene", "facade"];
-    let made = [
-        "demo",
-        "--data-only",
-        "--perturb",
-        "vignetting",
-        "--out",
-        word(&folder.path().join("lens")),
-    ]
-    .map(str::to_owned);
-    stdout(&[&made.each_ref().map(String::as_str)[..], &size].concat());
+    let arguments = ["demo", "--data-only", "--perturb", "vignetting", "--out", word(&made)];
+    stdout(&[&arguments[..], &size].concat());
     assert_eq!(read_json(&data.join("truth.json"))["vignetting_stops"], 0.7);
     let text = stdout(&["info", word(&data)]);
     assert!(text.contains("stops darker: --vignetting removes it"), "{text}");
