@@ -42,7 +42,8 @@ fn compare(a: &[f32; 3], b: &[f32; 3]) -> Ordering {
     axes.fold(Ordering::Equal, Ordering::then)
 }
 
-struct Tree<'a> {
+/// k-d tree of points, all finite.
+pub(super) struct Tree<'a> {
     points: &'a [[f32; 3]],
     order: Vec<u32>,
 }
@@ -57,13 +58,14 @@ struct Search<F> {
 }
 
 impl<'a> Tree<'a> {
-    fn new(points: &'a [[f32; 3]]) -> Tree<'a> {
+    pub(super) fn new(points: &'a [[f32; 3]]) -> Tree<'a> {
         let mut order: Vec<u32> = (0..points.len() as u32).collect();
         build(points, &mut order, 0);
         Tree { points, order }
     }
 
-    fn nearest(&self, query: [f32; 3], count: usize, filter: impl Fn(f64, u32) -> bool) -> Vec<(f64, u32)> {
+    /// Squared distances and indices of at most `count` nearest points that pass the filter, nearest first.
+    pub(super) fn nearest(&self, query: [f32; 3], count: usize, filter: impl Fn(f64, u32) -> bool) -> Vec<(f64, u32)> {
         let mut search = Search {
             query: query.map(f64::from),
             count,

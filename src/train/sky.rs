@@ -5,6 +5,7 @@
 //! extent, so that the learning rate of means, in extents, hardly moves its splats.
 
 use super::config::SkyConfig;
+use super::knn::Tree;
 use super::thumbnails::ReducedPhoto;
 use crate::Result;
 use crate::scene::{Camera, Dataset, SH_C0, Splats, Split, logit, sh_coefficient_count};
@@ -16,6 +17,9 @@ const CLEAR_SHARE: f64 = 1.0 / 3.0;
 
 /// Opacity of the first splats.
 const OPACITY: f64 = 0.9;
+
+/// Clear places of which a place beside them has the mean colour.
+const NEIGHBORS: usize = 8;
 
 /// Cells of a picture's grid of points along the angle that must be free.
 const CELLS: f64 = 2.0;
@@ -96,6 +100,30 @@ impl<'a> PointGrid<'a> {
     }
 }
 
+/// Directions of the shell in which the photographs show sky.
+struct ClearPlaces<'a> {
+    tree: Tree<'a>,
+    colors: Vec<DVec3>,
+    /// Angle from a clear place to the places that are taken with it, radians.
+    margin: f64,
+}
+
+impl ClearPlaces<'_> {
+    /// Colour of a clear place, or the mean of the nearest clear places within the margin.
+    fn color_near(&self, direction: DVec3) -> Option<DVec3> {
+        let near = self
+            .tree
+            .nearest(direction.as_vec3().to_array(), NEIGHBORS, |_, _| true);
+        let &(squared, nearest) = near.first()?;
+        let color = |index: u32| self.colors[index as usize];
+        match squared.sqrt() {
+            0.0 => Some(color(nearest)),
+            distance if distance > self.margin => None,
+            _ => Some(near.iter().map(|&(_, index)| color(index)).sum::<DVec3>() / near.len() as f64),
+        }
+    }
+}
+
 /// Directions evenly spread over the sphere, by the golden angle.
 fn directions(count: u32) -> impl Iterator<Item = DVec3> {
     let turn = std::f64::consts::PI * (3.0 - 5_f64.sqrt());
@@ -107,7 +135,8 @@ fn directions(count: u32) -> impl Iterator<Item = DVec3> {
 }
 
 /// Adds splats of the sky: those of `count` places of the shell that a training camera sees, free of points in at least
-/// a third of the cameras that see them, in the mean colour that these show.
+/// a third of the cameras that see them, in the mean colour that these show; and those around, which other views show
+/// beside objects and beyond the photographs' borders, in the colour of the nearest.
 pub(super) fn add_sky(dataset: &Dataset, shell: SkyShell, config: &SkyConfig, splats: &mut Splats) -> Result<usize> {
     let thumbnails = ReducedPhoto::all(dataset, &dataset.split(Split::Train))?;
     let finite = dataset.points.iter().filter(|point| point.is_finite());
@@ -116,13 +145,18 @@ pub(super) fn add_sky(dataset: &Dataset, shell: SkyShell, config: &SkyConfig, sp
         .par_iter()
         .map(|thumbnail| PointGrid::new(thumbnail, &points, config.gap_degrees))
         .collect();
-    let found: Vec<(DVec3, DVec3)> = directions(config.count)
-        .collect::<Vec<_>>()
-        .into_par_iter()
-        .filter_map(|direction| {
-            let position = shell.center + shell.radius * direction;
-            Some((position, color_at(&grids, position)?))
-        })
+    let directions: Vec<DVec3> = directions(config.count).collect();
+    let position = |direction: DVec3| shell.center + shell.radius * direction;
+    let color = |&direction: &DVec3| Some((direction.as_vec3().to_array(), color_at(&grids, position(direction))?));
+    let (clear, colors): (Vec<[f32; 3]>, Vec<DVec3>) = directions.par_iter().filter_map(color).unzip();
+    let clear = ClearPlaces {
+        tree: Tree::new(&clear),
+        colors,
+        margin: config.margin_degrees.to_radians(),
+    };
+    let found: Vec<(DVec3, DVec3)> = directions
+        .par_iter()
+        .filter_map(|&direction| Some((position(direction), clear.color_near(direction)?)))
         .collect();
     let spacing = (4.0 * std::f64::consts::PI / f64::from(config.count)).sqrt();
     let log_scale = (shell.radius * spacing).ln() as f32;
@@ -214,20 +248,39 @@ mod tests {
         }
         let config = SkyConfig {
             count: 2_000,
+            margin_degrees: 0.0,
             ..SkyConfig::default()
         };
         let shell = SkyShell::around(&dataset, 2.0, &config);
-        let mut splats = Splats {
-            sh_degree: 1,
-            ..Splats::default()
+        let sky = |config: &SkyConfig| {
+            let mut splats = Splats {
+                sh_degree: 1,
+                ..Splats::default()
+            };
+            let count = add_sky(&dataset, shell, config, &mut splats)?;
+            assert!(splats.len() == count && splats.sh.len() == 12 * count);
+            for (mean, sh) in splats.mean.iter().zip(splats.sh.chunks(12)) {
+                let blue = 0.5 + SH_C0 * sh[2];
+                assert!(shell.holds(*mean) && (blue - 1.0).abs() < 1e-5, "{mean:?} {blue}");
+                assert!(sh[3..].iter().all(|&c| c == 0.0));
+            }
+            Ok::<_, crate::Error>(splats.mean)
         };
-        let count = add_sky(&dataset, shell, &config, &mut splats)?;
-        assert!((20..200).contains(&count) && splats.len() == count && splats.sh.len() == 12 * count);
-        for (mean, sh) in splats.mean.iter().zip(splats.sh.chunks(12)) {
-            assert!(shell.holds(*mean) && mean[0] > 0.0 && mean[2] > 0.0, "{mean:?}");
-            let blue = 0.5 + SH_C0 * sh[2];
-            assert!((blue - 1.0).abs() < 1e-5 && sh[3..].iter().all(|&c| c == 0.0));
-        }
+        let clear = sky(&config)?;
+        assert!((20..200).contains(&clear.len()) && clear.iter().all(|mean| mean[0] > 0.0 && mean[2] > 0.0));
+        let margin_degrees = 12.0;
+        let wide = sky(&SkyConfig {
+            margin_degrees,
+            ..config
+        })?;
+        // Behind points and outside of photographs alike, and nowhere else.
+        let direction = |mean: &[f32; 3]| (DVec3::from(mean.map(f64::from)) - shell.center).normalize();
+        let apart = |mean: &[f32; 3]| {
+            let angle = |other: &[f32; 3]| direction(mean).distance(direction(other)).to_degrees();
+            clear.iter().map(angle).fold(f64::INFINITY, f64::min)
+        };
+        assert!(wide.len() > clear.len() + 20 && wide.iter().any(|mean| mean[2] < 0.0));
+        assert!(wide.iter().all(|mean| apart(mean) < margin_degrees + 0.1));
         assert!(!shell.holds([10.0, 5.0, 0.0]));
         Ok(())
     }

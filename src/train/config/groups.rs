@@ -183,12 +183,15 @@ constants! {
 constants! {
     /// Splats of the sky ([`sky`](crate::train::sky)).
     SkyConfig as "shell" {
-        /// Places on the whole shell, of which those without points before them are taken: 10,000, two degrees apart.
+        /// Places on the whole shell, of which those without points before them, and those around, are taken: 10,000,
+        /// two degrees apart.
         count: u32 = 10_000, 1..=10_000_000;
         /// Radius in scene extents: 20.
         distance: f64 = 20.0, 2.0..=1e6;
         /// Angle about a place within which no point may lie, degrees: 3.
         gap_degrees: f64 = 3.0, 0.0..=45.0;
+        /// Angle about a place without points within which all places are taken, degrees: 10.
+        margin_degrees: f64 = 10.0, 0.0..=180.0;
     }
 }
 
