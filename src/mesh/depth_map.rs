@@ -75,38 +75,4 @@ impl DepthMap {
             }
         }
     }
-
-    /// Depth, slope and nearest pixel at a position in pixels, one pixel or more inside the border. Inverse depths are
-    /// interpolated, which is exact on a plane, where the four around it lie within `apart` of each other along the
-    /// normal; otherwise the nearest pixel counts.
-    pub(super) fn sample(&self, x: f32, y: f32, apart: f32) -> Option<(f32, f32, usize)> {
-        let (width, height) = (self.camera.width as usize, self.camera.height as usize);
-        // Written so that NaN fails.
-        if !(x >= 1.0 && y >= 1.0 && x < width as f32 - 1.0 && y < height as f32 - 1.0) {
-            return None;
-        }
-        let nearest = y as usize * width + x as usize;
-        let (left, top) = ((x - 0.5) as usize, (y - 0.5) as usize);
-        let corner = top * width + left;
-        let four = [corner, corner + 1, corner + width, corner + width + 1];
-        let depths = four.map(|i| self.depth[i]);
-        let slopes = four.map(|i| self.slope[i]);
-        let (mut least, mut most, mut steepest) = (depths[0], depths[0], slopes[0]);
-        for i in 1..4 {
-            // NaN stays out of both, and is found by the sum.
-            least = least.min(depths[i]);
-            most = most.max(depths[i]);
-            steepest = steepest.min(slopes[i]);
-        }
-        let whole = !depths.iter().sum::<f32>().is_nan() && (most - least) * steepest <= apart;
-        if !whole {
-            let depth = self.depth[nearest];
-            return (!depth.is_nan()).then_some((depth, self.slope[nearest], nearest));
-        }
-        let (u, v) = (x - 0.5 - left as f32, y - 0.5 - top as f32);
-        let weights = [(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v];
-        let inverse: f32 = (0..4).map(|i| weights[i] / depths[i]).sum();
-        let slope = (0..4).map(|i| weights[i] * slopes[i]).sum();
-        Some((1.0 / inverse, slope, nearest))
-    }
 }

@@ -19,6 +19,8 @@ pub struct MeshPicture {
 pub(super) const GREY: [f32; 3] = [0.7; 3];
 /// Rows that a task draws.
 const BAND: usize = 16;
+/// Triangles that a task assigns to bands.
+const CHUNK: usize = 1 << 14;
 
 /// Draws a mesh from both sides. Triangles are cut at the near plane (world units, above 0); of several at one depth,
 /// the first counts.
@@ -37,33 +39,47 @@ pub fn draw(mesh: &Mesh, camera: &Camera, near: f64, background: [f32; 3]) -> Me
 
 /// Nearest point of a mesh at each pixel's centre, row by row from the top.
 pub(super) fn visible_points(mesh: &Mesh, camera: &Camera, near: f64) -> Vec<Option<VisiblePoint>> {
-    let size = [camera.width as usize, camera.height as usize];
+    let [width, height] = [camera.width as usize, camera.height as usize];
     let world = |position: &[f32; 3]| DVec3::from(position.map(f64::from));
     let positions = mesh.positions.par_iter();
     let view: Vec<DVec3> = positions.map(|at| camera.view_from_world(world(at))).collect();
-    let mut bands: Vec<Vec<ClippedTriangle>> = Vec::new();
-    bands.resize_with(size[1].div_ceil(BAND), Vec::new);
-    for index in 0..mesh.triangles.len() {
-        for piece in pieces(mesh, index, &view, camera, near) {
-            let Some((first, last)) = piece.rows(size[1]) else {
-                continue;
-            };
-            for band in &mut bands[first / BAND..=last / BAND] {
-                band.push(piece);
+    let pieces = |triangle: u32| pieces(mesh, triangle, &view, camera, near);
+    let bands = height.div_ceil(BAND);
+    // Triangles of each band, of each chunk of triangles.
+    let list = |(chunk, triangles): (usize, &[[u32; 3]])| {
+        let mut lists: Vec<Vec<u32>> = vec![Vec::new(); bands];
+        for triangle in (CHUNK * chunk) as u32..(CHUNK * chunk + triangles.len()) as u32 {
+            for (first, last) in pieces(triangle).filter_map(|piece| piece.rows(width, height)) {
+                lists[first / BAND..=last / BAND]
+                    .iter_mut()
+                    .for_each(|list| list.push(triangle));
             }
         }
-    }
-    let rows = bands
-        .par_iter()
-        .enumerate()
-        .map(|(band, pieces)| points_of_rows(pieces, band * BAND, size));
+        lists
+    };
+    let chunks = mesh.triangles.par_chunks(CHUNK).enumerate();
+    let lists: Vec<Vec<Vec<u32>>> = chunks.map(list).collect();
+    let rows = (0..bands).into_par_iter().map(|band| {
+        let rows = band * BAND..(band * BAND + BAND).min(height);
+        let mut nearest: Vec<Option<VisiblePoint>> = vec![None; rows.len() * width];
+        let triangles = lists.iter().flat_map(|lists| &lists[band]);
+        for piece in triangles.flat_map(|&triangle| pieces(triangle)) {
+            let Some((top, bottom)) = piece.rows(width, height) else {
+                continue;
+            };
+            for y in top.max(rows.start)..(bottom + 1).min(rows.end) {
+                fill(&piece, y, &mut nearest[(y - rows.start) * width..][..width]);
+            }
+        }
+        nearest
+    });
     rows.flatten().collect()
 }
 
 /// Part of a triangle before the near plane, in pixels.
 #[derive(Clone, Copy)]
 struct ClippedTriangle {
-    triangle: usize,
+    triangle: u32,
     at: [DVec2; 3],
     /// Inverse depths of the corners.
     inverse: [f64; 3],
@@ -72,10 +88,10 @@ struct ClippedTriangle {
 }
 
 impl ClippedTriangle {
-    /// First and last row with pixel centres within the piece's height.
-    fn rows(&self, height: usize) -> Option<(usize, usize)> {
-        let y = self.at.map(|at| at.y);
-        range(y, height)
+    /// First and last row with pixel centres within the piece's bounds.
+    fn rows(&self, width: usize, height: usize) -> Option<(usize, usize)> {
+        range(self.at.map(|at| at.x), width)?;
+        range(self.at.map(|at| at.y), height)
     }
 }
 
@@ -91,27 +107,31 @@ fn range(values: [f64; 3], count: usize) -> Option<(usize, usize)> {
 /// Parts of a triangle before the near plane: none, one, or two.
 fn pieces(
     mesh: &Mesh,
-    triangle: usize,
+    triangle: u32,
     view: &[DVec3],
     camera: &Camera,
     near: f64,
-) -> impl Iterator<Item = ClippedTriangle> {
-    let corners = mesh.triangles[triangle].map(|vertex| view[vertex as usize]);
+) -> impl Iterator<Item = ClippedTriangle> + use<> {
+    let corners = mesh.triangles[triangle as usize].map(|vertex| view[vertex as usize]);
     let axes = [DVec3::X, DVec3::Y, DVec3::Z];
-    let mut polygon: Vec<(DVec3, DVec3)> = Vec::with_capacity(4);
+    let mut polygon = [(DVec3::ZERO, DVec3::ZERO); 4];
+    let mut count = 0;
+    let mut add = |corner| {
+        polygon[count] = corner;
+        count += 1;
+    };
     for i in 0..3 {
         let (a, b) = ((corners[i], axes[i]), (corners[(i + 1) % 3], axes[(i + 1) % 3]));
         if a.0.z >= near {
-            polygon.push(a);
+            add(a);
         }
         if (a.0.z >= near) != (b.0.z >= near) {
             let share = (near - a.0.z) / (b.0.z - a.0.z);
-            polygon.push((a.0.lerp(b.0, share), a.1.lerp(b.1, share)));
+            add((a.0.lerp(b.0, share), a.1.lerp(b.1, share)));
         }
     }
     let camera = *camera;
-    let count = polygon.len();
-    (1..count.saturating_sub(1)).map(move |i| {
+    (1..usize::max(count, 2) - 1).map(move |i| {
         let fan = [polygon[0], polygon[i], polygon[i + 1]];
         ClippedTriangle {
             triangle,
@@ -130,21 +150,6 @@ pub(super) struct VisiblePoint {
     pub(super) triangle: usize,
     /// Weights of the triangle's corners, of sum 1.
     pub(super) weights: DVec3,
-}
-
-fn points_of_rows(pieces: &[ClippedTriangle], first: usize, [width, height]: [usize; 2]) -> Vec<Option<VisiblePoint>> {
-    let rows = first..(first + BAND).min(height);
-    let mut nearest: Vec<Option<VisiblePoint>> = vec![None; rows.len() * width];
-    for piece in pieces {
-        let Some((top, bottom)) = piece.rows(height) else {
-            continue;
-        };
-        for y in top.max(rows.start)..(bottom + 1).min(rows.end) {
-            let line = &mut nearest[(y - first) * width..][..width];
-            fill(piece, y, line);
-        }
-    }
-    nearest
 }
 
 /// Keeps the piece where it is the nearest in a row.
@@ -170,7 +175,7 @@ fn fill(piece: &ClippedTriangle, y: usize, line: &mut [Option<VisiblePoint>]) {
             let weights = shares.iter().zip(piece.weights);
             *nearest = Some(VisiblePoint {
                 depth,
-                triangle: piece.triangle,
+                triangle: piece.triangle as usize,
                 weights: weights.map(|(share, of)| share * depth * of).sum(),
             });
         }

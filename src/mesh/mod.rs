@@ -15,6 +15,7 @@ mod extract;
 mod fit_colors;
 mod flood_fill;
 mod fuse;
+mod sampler;
 mod score;
 mod tree;
 mod volume;

@@ -1,8 +1,10 @@
 //! Sparse volume of signed distances: blocks of 8 × 8 × 8 voxels near surfaces.
 
 use super::depth_map::DepthMap;
-use glam::{DVec2, DVec3, Vec3};
+use super::sampler::SurfaceSampler;
+use glam::{DVec2, DVec3};
 use rayon::prelude::*;
+use std::array::from_fn;
 use std::collections::HashMap;
 
 /// Voxels along an edge of a block.
@@ -31,6 +33,19 @@ pub(super) struct Voxel {
 }
 
 impl Voxel {
+    /// Adds a view that sees a surface at a distance in units of the truncation.
+    fn add(&mut self, distance: f32, weight: f32, color: [f32; 3]) {
+        self.weight += weight;
+        self.distance += (weight / self.weight) * (distance.min(1.0) - self.distance);
+        self.views += 1;
+        if distance <= 1.0 {
+            self.color_weight += weight;
+            for (sum, c) in self.color.iter_mut().zip(color) {
+                *sum += weight * c;
+            }
+        }
+    }
+
     /// True if at least `views_min` views saw it.
     pub(super) fn is_known(&self, views_min: u32) -> bool {
         self.views >= views_min && self.weight > 0.0
@@ -72,8 +87,9 @@ impl Volume {
     /// Adds a view. `depth_median` is the depth at which a view seen frontally has the weight 1.
     pub(super) fn add(&mut self, map: &DepthMap, depth_median: f32) {
         let (voxel, truncation) = (self.voxel, self.truncation);
+        let sampler = SurfaceSampler::new(map, truncation as f32);
         let blocks = self.blocks.par_iter_mut().zip(&self.keys);
-        blocks.for_each(|(block, key)| add_view(block, *key, map, voxel, truncation, depth_median));
+        blocks.for_each(|(block, key)| add_view(block, *key, &sampler, voxel, truncation, depth_median));
     }
 }
 
@@ -114,46 +130,46 @@ pub(super) fn keys_near(map: &DepthMap, voxel: f64, truncation: f64) -> Vec<Key>
     keys
 }
 
-fn add_view(block: &mut [Voxel], key: Key, map: &DepthMap, voxel: f64, truncation: f64, depth_median: f32) {
-    let camera = &map.camera;
+fn add_view(
+    block: &mut [Voxel],
+    key: Key,
+    sampler: &SurfaceSampler<'_>,
+    voxel: f64,
+    truncation: f64,
+    depth_median: f32,
+) {
+    let (map, camera) = (sampler.map, &sampler.map.camera);
     let corner = DVec3::from(key.map(|k| f64::from(k) * SIDE as f64 * voxel));
     let first = camera.rotation * (corner - camera.position);
     let radius = 0.5 * (SIDE - 1) as f64 * voxel * 3f64.sqrt();
     let center = first + camera.rotation * DVec3::splat(0.5 * (SIDE - 1) as f64 * voxel);
-    if !in_sight(map, center, radius) {
+    if !in_sight(map, center, radius) || sampler.hides(center, radius, truncation) {
         return;
     }
     let axes = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| (camera.rotation * (axis * voxel)).as_vec3());
     let (first, truncation) = (first.as_vec3(), truncation as f32);
     let (focal, middle) = (camera.focal.as_vec2(), camera.center.as_vec2());
-    for (i, voxel) in block.iter_mut().enumerate() {
-        let place = [i % SIDE, i / SIDE % SIDE, i / (SIDE * SIDE)].map(|k| k as f32);
-        let Vec3 { x, y, z } = first + axes[0] * place[0] + axes[1] * place[1] + axes[2] * place[2];
-        if z <= 0.0 {
-            continue;
-        }
-        let at = [focal.x * x / z + middle.x, focal.y * y / z + middle.y];
-        let Some((depth, slope, pixel)) = map.sample(at[0], at[1], truncation) else {
-            continue;
-        };
-        let ray = (1.0 + (x * x + y * y) / (z * z)).sqrt();
-        // Behind the hit by the length of the ray: a grazing ray soon leaves what it entered.
-        if (depth - z) * ray < -truncation {
-            continue;
-        }
-        // From the point to the plane: a grazing ray passes voxels that are near the surface, far before its hit.
-        let distance = (depth - z) * slope;
-        let [red, green, blue, coverage] = map.color[pixel].map(|c| f32::from(c) / 255.0);
-        let cosine = slope / ray;
-        let weight = coverage * coverage * cosine * (depth_median / depth).powi(2);
-        voxel.weight += weight;
-        voxel.distance += (weight / voxel.weight) * ((distance / truncation).min(1.0) - voxel.distance);
-        voxel.views += 1;
-        if distance <= truncation {
-            voxel.color_weight += weight;
-            for (sum, c) in voxel.color.iter_mut().zip([red, green, blue]) {
-                *sum += weight * c;
+    for (row, voxels) in block.as_chunks_mut::<SIDE>().0.iter_mut().enumerate() {
+        let start = first + axes[1] * (row % SIDE) as f32 + axes[2] * (row / SIDE) as f32;
+        // Eight voxels at once.
+        let [x, y, z] = [0, 1, 2].map(|axis| from_fn::<f32, SIDE, _>(|i| start[axis] + axes[0][axis] * i as f32));
+        let [x, y] = [x, y].map(|across| from_fn::<f32, SIDE, _>(|i| across[i] / z[i]));
+        let ray: [f32; SIDE] = from_fn(|i| (1.0 + x[i] * x[i] + y[i] * y[i]).sqrt());
+        for (i, voxel) in voxels.iter_mut().enumerate() {
+            let [u, v] = [focal.x * x[i] + middle.x, focal.y * y[i] + middle.y];
+            let Some(sample) = sampler.sample(u, v).filter(|_| z[i] > 0.0) else {
+                continue;
+            };
+            let ahead = sample.depth - z[i];
+            // Behind the hit by the length of the ray: a grazing ray soon leaves what it entered.
+            if ahead * ray[i] < -truncation {
+                continue;
             }
+            let [red, green, blue, coverage] = map.color[sample.pixel].map(|c| f32::from(c) / 255.0);
+            let cosine = sample.slope / ray[i];
+            let weight = coverage * coverage * cosine * (depth_median / sample.depth).powi(2);
+            // From the point to the plane: a grazing ray passes voxels that are near the surface, far before its hit.
+            voxel.add(ahead * sample.slope / truncation, weight, [red, green, blue]);
         }
     }
 }
