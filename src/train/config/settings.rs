@@ -20,9 +20,7 @@ impl TrainConfig {
             let Some(place) = tree.pointer_mut(&pointer(name)) else {
                 return Err(refuse(unknown(&tree, name)));
             };
-            // Text that is not JSON is a string, so that words need no quotes.
-            let text = text.trim();
-            *place = serde_json::from_str(text).unwrap_or_else(|_| Value::String(text.into()));
+            *place = value(text.trim());
             config = serde_json::from_value(tree.clone()).map_err(|e| refuse(e.to_string()))?;
         }
         Ok(config)
@@ -37,6 +35,15 @@ impl TrainConfig {
         let value = tree.pointer(&pointer(name)).cloned();
         value.ok_or_else(|| unknown(&tree, name))
     }
+}
+
+/// Text as JSON; else as a number such as `.5`; else as a string, so that words need no quotes.
+fn value(text: &str) -> Value {
+    let number = || text.parse().ok().filter(|number: &f64| number.is_finite());
+    let parsed = serde_json::from_str(text).ok();
+    parsed
+        .or_else(|| number().map(Value::from))
+        .unwrap_or_else(|| text.into())
 }
 
 /// JSON pointer of a dotted name.
@@ -66,4 +73,23 @@ fn unknown(tree: &Value, name: &str) -> String {
         false => format!(" in {}", reached.join(".")),
     };
     format!("there is no such constant{place}; there are {}", names.join(", "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_are_json_numbers_or_words() {
+        let config = TrainConfig::for_iterations(100);
+        let with = |setting: &str| config.clone().with_settings(&[setting.into()]);
+        for number in ["0.005", ".005", "5e-3", " 0.0050"] {
+            assert_eq!(with(&format!("rates.opacity={number}")).unwrap().rates.opacity, 0.005);
+        }
+        assert!(with("strategy=mcmc").is_ok() && with("adam.color_every=4").is_ok());
+        for wrong in ["rates.opacity=inf", "rates.opacity=fast", "adam.color_every=.5"] {
+            let message = with(wrong).unwrap_err();
+            assert!(message.starts_with(wrong), "{message}");
+        }
+    }
 }
