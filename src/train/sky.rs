@@ -104,7 +104,7 @@ impl<'a> PointGrid<'a> {
 struct ClearPlaces<'a> {
     tree: Tree<'a>,
     colors: Vec<DVec3>,
-    /// Angle from a clear place to the places that are taken with it, radians.
+    /// Distance on the unit sphere to places that are taken with a clear one: the angle in radians, if small.
     margin: f64,
 }
 
