@@ -71,7 +71,7 @@ impl<'a> SurfaceSampler<'a> {
             let (u, v) = (x - 0.5 - left as f32, y - 0.5 - top as f32);
             let upper = &self.surface[corner..corner + 2];
             let lower = &self.surface[corner + self.width..corner + self.width + 2];
-            mixed(mixed(upper[0], upper[1], u), mixed(lower[0], lower[1], u), v)
+            lerp(lerp(upper[0], upper[1], u), lerp(lower[0], lower[1], u), v)
         } else {
             self.surface[pixel]
         };
@@ -109,7 +109,7 @@ impl<'a> SurfaceSampler<'a> {
 }
 
 /// Linear interpolation from `a` to `b`.
-fn mixed(a: [f32; 2], b: [f32; 2], share: f32) -> [f32; 2] {
+fn lerp(a: [f32; 2], b: [f32; 2], share: f32) -> [f32; 2] {
     [a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])]
 }
 

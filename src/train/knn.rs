@@ -16,7 +16,7 @@ pub(crate) fn mean_neighbor_distance(points: &[[f32; 3]]) -> Vec<f64> {
     let mut places = points.to_vec();
     places.sort_unstable_by(compare);
     places.dedup_by(|a, b| compare(a, b).is_eq());
-    let tree = Tree::new(&places);
+    let tree = KdTree::new(&places);
     let mean = |&query: &[f32; 3]| {
         // Coincident points, including the point itself, have no spacing.
         let found = tree.nearest(query, NEIGHBORS, |squared, _| squared > 0.0);
@@ -29,7 +29,7 @@ pub(crate) fn mean_neighbor_distance(points: &[[f32; 3]]) -> Vec<f64> {
 /// For each of `points`, the indices of at most `count` nearest others, nearest first. All points must be finite.
 /// Coincident points are neighbours of each other.
 pub(crate) fn neighbors(points: &[[f32; 3]], count: usize) -> Vec<Vec<u32>> {
-    let tree = Tree::new(points);
+    let tree = KdTree::new(points);
     let near = |query: usize| {
         let found = tree.nearest(points[query], count, |_, index| index as usize != query);
         found.into_iter().map(|(_, index)| index).collect()
@@ -43,7 +43,7 @@ fn compare(a: &[f32; 3], b: &[f32; 3]) -> Ordering {
 }
 
 /// k-d tree of points, all finite.
-pub(super) struct Tree<'a> {
+pub(super) struct KdTree<'a> {
     points: &'a [[f32; 3]],
     order: Vec<u32>,
 }
@@ -57,11 +57,11 @@ struct Search<F> {
     found: Vec<(f64, u32)>,
 }
 
-impl<'a> Tree<'a> {
-    pub(super) fn new(points: &'a [[f32; 3]]) -> Tree<'a> {
+impl<'a> KdTree<'a> {
+    pub(super) fn new(points: &'a [[f32; 3]]) -> KdTree<'a> {
         let mut order: Vec<u32> = (0..points.len() as u32).collect();
         build(points, &mut order, 0);
-        Tree { points, order }
+        KdTree { points, order }
     }
 
     /// Squared distances and indices of at most `count` nearest points that pass the filter, nearest first.

@@ -5,7 +5,7 @@
 //! extent, so that the learning rate of means, in extents, hardly moves its splats.
 
 use super::config::SkyConfig;
-use super::knn::Tree;
+use super::knn::KdTree;
 use super::thumbnails::ReducedPhoto;
 use crate::Result;
 use crate::scene::{Camera, Dataset, SH_C0, Splats, Split, logit, sh_coefficient_count};
@@ -102,7 +102,7 @@ impl<'a> PointGrid<'a> {
 
 /// Directions of the shell in which the photographs show sky.
 struct ClearPlaces<'a> {
-    tree: Tree<'a>,
+    tree: KdTree<'a>,
     colors: Vec<DVec3>,
     /// Distance on the unit sphere to places that are taken with a clear one: the angle in radians, if small.
     margin: f64,
@@ -150,7 +150,7 @@ pub(super) fn add_sky(dataset: &Dataset, shell: SkyShell, config: &SkyConfig, sp
     let color = |&direction: &DVec3| Some((direction.as_vec3().to_array(), color_at(&grids, position(direction))?));
     let (clear, colors): (Vec<[f32; 3]>, Vec<DVec3>) = directions.par_iter().filter_map(color).unzip();
     let clear = ClearPlaces {
-        tree: Tree::new(&clear),
+        tree: KdTree::new(&clear),
         colors,
         margin: config.margin_degrees.to_radians(),
     };
