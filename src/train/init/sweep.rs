@@ -26,6 +26,10 @@ const CONTRAST_MIN: f64 = 0.03;
 /// agree in several.
 const RIVAL_MAX: f64 = 0.7;
 
+/// Error between equal colours that rounding to 8 bits explains: places closer than it agree alike, as a background of
+/// one colour does at any depth.
+const ROUNDING: f64 = 1.0 / 255.0;
+
 /// Distance in steps from the best depth at which another place begins.
 const RIVAL_STEPS: usize = 3;
 
@@ -164,7 +168,7 @@ impl DepthSweep<'_> {
         };
         let elsewhere = known().filter(|(other, _)| other.abs_diff(step) >= RIVAL_STEPS);
         let rival = elsewhere.fold(f64::INFINITY, |least: f64, (_, error)| least.min(error));
-        let stands_out = worst - best >= CONTRAST_MIN && best <= RIVAL_MAX * rival;
+        let stands_out = worst - best >= CONTRAST_MIN && best + ROUNDING <= RIVAL_MAX * rival;
         stands_out.then(|| depth_at(step as f64 + offset))
     }
 
@@ -202,17 +206,20 @@ mod tests {
     use crate::train::test_camera;
     use glam::DVec3;
 
-    /// Photographs of the plane z = 0, textured or of one colour, from a ring above it.
-    fn dataset(is_textured: bool) -> Dataset {
+    const PLAIN: [u8; 4] = [90, 120, 30, 255];
+
+    /// Photographs of the plane z = 0 from a ring above it: textured up to a distance from its middle, and of one
+    /// colour beyond.
+    fn dataset(textured: f64) -> Dataset {
         let level = |x: f64| (127.5 + 120.0 * x) as u8;
-        let color = |p: DVec3| match is_textured {
+        let color = |p: DVec3| match p.length() < textured {
             true => [
                 level((2.3 * p.x).sin()),
                 level((1.9 * p.y + 1.1 * p.x).cos()),
                 level((1.7 * p.x - 2.1 * p.y).sin()),
                 255,
             ],
-            false => [90, 120, 30, 255],
+            false => PLAIN,
         };
         let view = |i: u32| {
             let around = DVec2::from_angle(0.7 * f64::from(i));
@@ -244,7 +251,7 @@ mod tests {
 
     #[test]
     fn points_lie_on_a_textured_plane_in_its_colour() -> Result<()> {
-        let dataset = dataset(true);
+        let dataset = dataset(f64::INFINITY);
         let found = points(&dataset)?;
         assert_eq!(found, points(&dataset)?);
         // Depths of 4.5 lie a tenth apart.
@@ -272,8 +279,22 @@ mod tests {
     }
 
     #[test]
+    fn a_plain_background_tells_no_depth_beside_texture() -> Result<()> {
+        let plain = PLAIN.map(|level| f32::from(level) / 255.0);
+        let is_plain = |point: &Point| point.color.iter().zip(plain).all(|(a, b)| (a - b).abs() < 0.01);
+        let found = points(&dataset(1.0))?;
+        let count = found.iter().filter(|point| is_plain(point)).count();
+        assert!(
+            found.len() > 20 && 10 * count < found.len(),
+            "{count} of {}",
+            found.len()
+        );
+        Ok(())
+    }
+
+    #[test]
     fn a_plain_wall_tells_no_depth() -> Result<()> {
-        let found = points(&dataset(false))?;
+        let found = points(&dataset(0.0))?;
         assert!(found.len() == 300 && found.iter().all(|point| point.color == [0.5; 3]));
         Ok(())
     }
