@@ -52,7 +52,7 @@ fn scene_splats(dataset: &Dataset, training: &[usize], extent: f64, config: &Tra
         let what = "the data set has neither points nor training views to start from";
         return Err(Error::Config(what.into()));
     }
-    let count = config.splat_limit().min(config.init.random_count as usize);
+    let count = config.init.random_count as usize;
     let has_photos = training
         .iter()
         .all(|&i| !matches!(dataset.views[i].photo, PhotoSource::Absent));
