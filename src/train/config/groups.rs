@@ -161,9 +161,8 @@ constants! {
         scale_range: [f64; 2] = [1e-5, 0.1], 1e-9..=1e3;
         /// Standard deviation of a splat without a neighbour, in scene extents.
         lone_scale: f64 = 0.01, 1e-9..=1e3;
-        /// Rays that look for points where the data set has none, or points placed in the cameras' frusta: 10,000, and
-        /// 30,000 (MCMC).
-        random_count: u32 = 10_000, 1..=u32::MAX;
+        /// Rays that look for points where the data set has none, or points placed in the cameras' frusta.
+        random_count: u32 = 30_000, 1..=u32::MAX;
         /// Nearest and farthest such point, in distances from its camera to the point that the cameras look at.
         random_depths: [f64; 2] = [0.2, 2.0], 1e-6..=1e6;
         /// Positions drawn for such a point, of which the one that most cameras see is taken.

@@ -253,8 +253,7 @@ impl TrainConfig {
         }
     }
 
-    /// The same run with another strategy and its published first splats; of data sets without points, from three times
-    /// as many rays, for MCMC's pace of growth is fixed.
+    /// The same run with another strategy and its published first splats.
     ///
     /// MCMC in a run of less than half the published length departs from its paper in two points, found by measurement
     /// (fox at half size, 1,000 iterations, 40,000 splats at most): first splats have full size (28.1 dB; 25.3 dB with
@@ -266,7 +265,6 @@ impl TrainConfig {
             let is_short = u64::from(self.iterations) < PUBLISHED_ITERATIONS / 2;
             self.init.opacity = 0.5;
             self.init.scale_factor = if is_short { 1.0 } else { 0.1 };
-            self.init.random_count = 30_000;
             self.refine.until = (u64::from(self.iterations) * 25_000 / PUBLISHED_ITERATIONS) as u32;
             let window = self.refine.until.saturating_sub(self.refine.from);
             let refinements = (window / self.refine.every).max(1);

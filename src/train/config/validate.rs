@@ -105,10 +105,9 @@ mod tests {
             (500, 15_000, 100)
         );
         assert_eq!(adc.sh_degree_from, [1_000, 5_000, 10_000]);
-        let mcmc = adc.clone().with_strategy(StrategyKind::Mcmc);
+        let mcmc = adc.with_strategy(StrategyKind::Mcmc);
         assert_eq!((mcmc.refine.until, mcmc.mcmc.growth), (25_000, 1.05));
         assert_eq!((mcmc.init.opacity, mcmc.init.scale_factor), (0.5, 0.1));
-        assert_eq!((adc.init.random_count, mcmc.init.random_count), (10_000, 30_000));
         let short = TrainConfig::for_iterations(2_000).with_strategy(StrategyKind::Mcmc);
         assert_eq!(short.init.scale_factor, 1.0);
         assert!((short.mcmc.growth.powi(7) - 10.0).abs() < 0.1, "{}", short.mcmc.growth);

@@ -3,8 +3,9 @@
 //! A ray through a random pixel of a photograph is swept in depth: at each depth, a small cross of pixels is seen in
 //! other photographs, and the depth at which their colours agree best gives the point, the pixel its colour. Depths are
 //! spaced evenly in their logarithm, for a splat's size on the screen is what counts; between them the errors are taken
-//! for a parabola. A ray that tells no depth, or another one than its neighbours in the photograph, is left out: splats
-//! at wrong depths before the cameras stay as floaters. Photographs are reduced first.
+//! for a parabola. A ray that tells no depth, or another one than its neighbours in the photograph, or a point before
+//! what most other photographs show there, is left out: splats at wrong depths before the cameras stay as floaters.
+//! Photographs are reduced first.
 
 use super::points_in_frusta;
 use crate::Result;
@@ -36,7 +37,7 @@ const RIVAL_STEPS: usize = 3;
 /// Nearest rays of a photograph with whose median depth a ray must agree.
 const NEIGHBORS: usize = 5;
 
-/// Largest difference from it, of the logarithm.
+/// Largest difference from it, of the logarithm; one that is nearer by more is before it.
 const DEVIATION_MAX: f64 = 0.15;
 
 /// Rays for each point, at most; with more the photographs tell nothing.
@@ -64,8 +65,7 @@ pub(super) fn points_by_sweep(
     let distance = |camera: &Camera| focus.map_or(extent, |focus| camera.position.distance(focus));
     let step = cameras.len().div_ceil(config.random_cameras as usize);
     let others: Vec<usize> = (0..cameras.len()).step_by(step).collect();
-    let ray = |index: usize| {
-        let own = index % thumbnails.len();
+    let ray = |own: usize, index: usize| {
         let sweep = DepthSweep {
             own: &thumbnails[own],
             others: others
@@ -78,14 +78,21 @@ pub(super) fn points_by_sweep(
         };
         sweep.ray(config)
     };
-    let rays: Vec<Option<DepthRay>> = (0..count).into_par_iter().map(ray).collect();
-    let point = |index: usize| {
-        let (ray, photo) = (rays[index].as_ref()?, index % thumbnails.len());
-        // Rays take turns among the photographs.
-        let beside = rays.iter().skip(photo).step_by(thumbnails.len()).flatten();
-        ray.agrees_with(beside).then(|| ray.point(&thumbnails[photo].camera))
+    let photos = 0..cameras.len();
+    // Rays take turns among the photographs.
+    let rays = |own: usize| -> Vec<DepthRay> {
+        let swept = (own..count).into_par_iter().step_by(cameras.len());
+        let rays: Vec<DepthRay> = swept.filter_map(|index| ray(own, index)).collect();
+        let agreeing = rays.iter().filter(|ray| ray.agrees_with(&rays));
+        agreeing.cloned().collect()
     };
-    let points: Vec<Point> = (0..count).into_par_iter().filter_map(point).collect();
+    let rays: Vec<Vec<DepthRay>> = photos.clone().map(rays).collect();
+    let points = |own: usize| {
+        let points = rays[own].iter().map(|ray| ray.point(&cameras[own]));
+        let clear = points.filter(|point| !is_before_surfaces(point.position.into(), own, &cameras, &rays));
+        clear.collect::<Vec<Point>>()
+    };
+    let points: Vec<Point> = photos.into_par_iter().flat_map_iter(points).collect();
     Ok(match points.len() * RAYS_PER_POINT_MAX < count {
         true => points_in_frusta(&cameras, count, extent, seed, config),
         false => points,
@@ -93,6 +100,7 @@ pub(super) fn points_by_sweep(
 }
 
 /// A pixel of a photograph whose depth stands out.
+#[derive(Clone)]
 struct DepthRay {
     pixel: DVec2,
     color: DVec3,
@@ -102,19 +110,9 @@ struct DepthRay {
 
 impl DepthRay {
     /// Whether the depth is about the median of the nearest rays of the photograph.
-    fn agrees_with<'a>(&self, rays: impl Iterator<Item = &'a DepthRay>) -> bool {
-        let mut near: Vec<(f64, f64)> = rays
-            .map(|ray| (ray.pixel.distance_squared(self.pixel), ray.depth))
-            .filter(|(distance, _)| *distance > 0.0)
-            .collect();
-        if near.is_empty() {
-            return true;
-        }
-        let count = near.len().min(NEIGHBORS);
-        near.select_nth_unstable_by(count - 1, |a, b| a.0.total_cmp(&b.0));
-        near.truncate(count);
-        near.sort_unstable_by(|a, b| a.1.total_cmp(&b.1));
-        (self.depth / near[count / 2].1).ln().abs() < DEVIATION_MAX
+    fn agrees_with(&self, rays: &[DepthRay]) -> bool {
+        let median = median_depth(rays, self.pixel);
+        median.is_none_or(|median| (self.depth / median).ln().abs() < DEVIATION_MAX)
     }
 
     fn point(&self, camera: &Camera) -> Point {
@@ -123,6 +121,33 @@ impl DepthRay {
             color: self.color.as_vec3().to_array(),
         }
     }
+}
+
+/// Median depth of the nearest other rays about a pixel of their photograph; `None` without any.
+fn median_depth(rays: &[DepthRay], pixel: DVec2) -> Option<f64> {
+    let mut near: Vec<(f64, f64)> = rays
+        .iter()
+        .map(|ray| (ray.pixel.distance_squared(pixel), ray.depth))
+        .filter(|(distance, _)| *distance > 0.0)
+        .collect();
+    let count = near.len().min(NEIGHBORS);
+    near.select_nth_unstable_by(count.checked_sub(1)?, |a, b| a.0.total_cmp(&b.0));
+    near.truncate(count);
+    near.sort_unstable_by(|a, b| a.1.total_cmp(&b.1));
+    Some(near[count / 2].1)
+}
+
+/// Whether a point of the photograph `own` would hide what most of the other photographs that look at it show: it lies
+/// before the surface that their rays tell. `rays` are those of each photograph.
+fn is_before_surfaces(point: DVec3, own: usize, cameras: &[Camera], rays: &[Vec<DepthRay>]) -> bool {
+    let others = cameras.iter().zip(rays).enumerate().filter(|(photo, _)| *photo != own);
+    let is_before = |(_, (camera, rays)): (usize, (&Camera, &Vec<DepthRay>))| {
+        let pixel = camera.pixel_from_world(point).filter(|_| camera.sees(point))?;
+        let surface = median_depth(rays, pixel)?;
+        Some((camera.view_from_world(point).z / surface).ln() < -DEVIATION_MAX)
+    };
+    let votes: Vec<bool> = others.filter_map(is_before).collect();
+    2 * votes.iter().filter(|&&is_before| is_before).count() > votes.len()
 }
 
 /// A ray of a photograph among the others.
@@ -272,10 +297,28 @@ mod tests {
         let mut rays: Vec<DepthRay> = [4.0, 4.1, 4.2, 4.3, 4.4].map(|depth| ray(10.0 * depth, depth)).into();
         // Far off, where it is deeper.
         rays.extend([200.0, 201.0, 202.0, 203.0, 204.0].map(|x| ray(x, 9.0)));
-        let agrees = |x: f64, depth: f64| ray(x, depth).agrees_with(rays.iter());
+        let agrees = |x: f64, depth: f64| ray(x, depth).agrees_with(&rays);
         assert!(agrees(42.5, 4.5) && agrees(42.5, 3.8) && agrees(205.0, 9.5));
         assert!(!agrees(42.5, 9.0) && !agrees(42.5, 2.0) && !agrees(205.0, 4.0));
-        assert!(ray(0.0, 1.0).agrees_with([].iter()), "alone");
+        assert!(ray(0.0, 1.0).agrees_with(&[]), "alone");
+    }
+
+    #[test]
+    fn a_point_before_what_other_photographs_show_is_told() {
+        let cameras: Vec<Camera> = dataset(0.0).views.iter().map(|view| view.camera).collect();
+        let on_plane = |camera: &Camera| {
+            let pixels = (0..48).map(|i| DVec2::new(f64::from(i % 8) * 7.5, f64::from(i / 8) * 7.5) + 1.0);
+            let ray = |pixel: DVec2| DepthRay {
+                pixel,
+                color: DVec3::ZERO,
+                depth: -camera.position.z / camera.ray_from_pixel(pixel).z,
+            };
+            pixels.map(ray).collect::<Vec<_>>()
+        };
+        let rays: Vec<Vec<DepthRay>> = cameras.iter().map(on_plane).collect();
+        let is_before = |z: f64, rays: &[Vec<DepthRay>]| is_before_surfaces(DVec3::new(0.1, 0.0, z), 0, &cameras, rays);
+        assert!(is_before(1.5, &rays) && !is_before(0.0, &rays) && !is_before(-1.0, &rays));
+        assert!(!is_before(1.5, &vec![Vec::new(); cameras.len()]), "without other rays");
     }
 
     #[test]
