@@ -18,9 +18,11 @@ check: setup lints
 	cargo test $(TESTED) --test device -- kernels:: frame::
 
 # For every merge: all tests, those of documentation, and frames on a lesser device. Tests of the device take turns in
-# their process; two processes with half of them each keep two cores busy.
-test: setup lints examples
+# their process; two processes with half of them each keep two cores busy. The examples come after the build of the
+# tests, which compiles the library with and without its tests at the same time.
+test: setup lints
 	cargo test $(TESTED) --no-run
+	$(MAKE) examples
 	cargo test $(TESTED) --test device -- $(HALF) >target/device-1.log 2>&1 & first=$$!; \
 	cargo test $(TESTED) --test device -- $(HALF:%=--skip %) >target/device-2.log 2>&1 & second=$$!; \
 	cargo test $(TESTED) --lib --bins --test host --test binary --test slow; failed=$$?; \
