@@ -31,16 +31,21 @@ impl<'a> Survey<'a> {
         Ok(Survey { dataset, weigher })
     }
 
-    /// Change of the views by removal of each splat: squares summed over pixels and channels.
+    /// Change of the views by removal of each splat: squares summed over pixels and channels. Infinity for splats that
+    /// no view shows: views that look past the border of these show them, and photographs cannot tell that they are
+    /// too many.
     pub(super) fn changes(&mut self, views: &[usize]) -> Result<Vec<f64>> {
-        let mut changes = vec![0.0; self.weigher.splat_count()];
+        let mut sums = vec![(0.0, 0.0); self.weigher.splat_count()];
         for &view in views {
             let camera = self.dataset.views[view].camera;
             let found = self.weigher.removal_errors(&camera)?;
-            let sums = changes.iter_mut().zip(found);
-            sums.for_each(|(sum, removal_error)| *sum += f64::from(removal_error.change));
+            for ((change, weight), removal_error) in sums.iter_mut().zip(found) {
+                *change += f64::from(removal_error.change);
+                *weight += f64::from(removal_error.weight);
+            }
         }
-        Ok(changes)
+        let change = |(change, weight)| if weight > 0.0 { change } else { f64::INFINITY };
+        Ok(sums.into_iter().map(change).collect())
     }
 
     /// Weight of each splat in each view.

@@ -4,7 +4,7 @@ use crate::common::device::gpu;
 use ashfall::Result;
 use ashfall::gpu::Gpu;
 use ashfall::lab::synth::{Kind, SynthOptions, scene};
-use ashfall::scene::{Dataset, PhotoSource, Split};
+use ashfall::scene::{Dataset, PhotoSource, Point, Split};
 use ashfall::simplify::{Act, AutoRun, CountController, History, Phase, ViewScores, for_auto_count, split_views};
 use ashfall::stats::mean;
 use ashfall::train::checkpoint::Checkpoint;
@@ -86,15 +86,32 @@ fn state_of(run: &mut AutoRun<'_>) -> Result<HostState> {
     Ok(Checkpoint::read(&path)?.state)
 }
 
-/// Losses of accepted rounds add up and decide: the more is allowed, the fewer splats are left.
+/// Height of points above all that the photographs show.
+const UNSEEN_HEIGHT: f64 = 100.0;
+
+/// Number of splats at that height.
+fn unseen(state: &HostState) -> usize {
+    state.params[0]
+        .iter()
+        .filter(|mean| f64::from(mean[2]) > 0.5 * UNSEEN_HEIGHT)
+        .count()
+}
+
+/// Losses of accepted rounds add up and decide: the more is allowed, the fewer splats are left. Splats that no view
+/// shows stay.
 #[test]
 fn splats_go_while_the_summed_losses_are_within_what_is_allowed() -> Result<()> {
     let gpu = gpu();
-    let dataset = dataset(Kind::Intricate);
+    let mut dataset = dataset(Kind::Intricate);
+    dataset.points.extend([0.0, 0.1, 0.2, 0.3].map(|x| Point {
+        position: [x, 0.0, UNSEEN_HEIGHT],
+        color: [0.5; 3],
+    }));
     let (mut counts, mut rejected) = (Vec::new(), 0);
     for loss in [1e-4, 5.0] {
         let (state, history) = run_to_end(&gpu, &dataset, config(StrategyKind::Adc), loss)?;
         rejected += check_rounds(&history, state.len());
+        assert_eq!(unseen(&state), 4);
         counts.push(state.len());
     }
     assert!(counts[0] > counts[1], "{counts:?}");
