@@ -2,7 +2,7 @@
 
 use super::tree::TriangleTree;
 use crate::scene::{Camera, Mesh};
-use crate::stats::SplitMix64;
+use crate::stats::{SplitMix64, quantile};
 use crate::{Error, Result};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -130,7 +130,7 @@ pub fn compare(mesh: &Mesh, shift: DVec3, truth: &Mesh, options: &ComparisonOpti
         let mut each = seen.iter();
         wanted.retain(|_| each.next().is_some_and(|seen| seen.len() >= 2));
         footprints.extend(seen.iter().filter(|seen| seen.len() >= 2).flatten());
-        let Some(pixel) = percentile(&mut footprints, 0.5) else {
+        let Some(pixel) = quantile(&mut footprints, 0.5) else {
             return Err(Error::Config("no two cameras see a point of the true mesh".into()));
         };
         footprint = Some(pixel);
@@ -224,7 +224,7 @@ fn normals(cosines: Vec<f64>) -> NormalSummary {
     let mean = |angles: &[f64]| angles.iter().sum::<f64>() / angles.len().max(1) as f64;
     NormalSummary {
         mean: mean(&either),
-        median: percentile(&mut either, 0.5).unwrap_or(0.0),
+        median: quantile(&mut either, 0.5).unwrap_or(0.0),
         mean_outward: mean(&cosines.iter().map(|c| angle(*c)).collect::<Vec<_>>()),
     }
 }
@@ -232,16 +232,9 @@ fn normals(cosines: Vec<f64>) -> NormalSummary {
 fn summary(distances: &mut [f64]) -> DistanceSummary {
     DistanceSummary {
         mean: distances.iter().sum::<f64>() / distances.len().max(1) as f64,
-        median: percentile(distances, 0.5).unwrap_or(0.0),
-        p95: percentile(distances, 0.95).unwrap_or(0.0),
-        max: percentile(distances, 1.0).unwrap_or(0.0),
+        median: quantile(distances, 0.5).unwrap_or(0.0),
+        p95: quantile(distances, 0.95).unwrap_or(0.0),
+        max: quantile(distances, 1.0).unwrap_or(0.0),
         points: distances.len(),
     }
-}
-
-/// The value that a share of all is not above; reorders them.
-fn percentile(values: &mut [f64], share: f64) -> Option<f64> {
-    let last = values.len().checked_sub(1)?;
-    let place = (last as f64 * share).round() as usize;
-    Some(*values.select_nth_unstable_by(place, f64::total_cmp).1)
 }

@@ -6,6 +6,7 @@ use super::extract::MeshBuilder;
 use super::flood_fill::FloodFill;
 use super::volume::{BLOCK_BYTES, Key, Volume, keys_near};
 use crate::scene::Mesh;
+use crate::stats::quantile;
 use crate::{Error, Result};
 use glam::{DVec2, DVec3};
 use std::collections::BTreeSet;
@@ -174,7 +175,7 @@ fn survey(
             Ok(())
         })?;
     }
-    let (Some(depth_median), Some(footprint)) = (median(&mut depths), median(&mut footprints)) else {
+    let (Some(depth_median), Some(footprint)) = (quantile(&mut depths, 0.5), quantile(&mut footprints, 0.5)) else {
         return Err(Error::Config(
             "no view has a surface: the scene covers no pixel by half, or the cameras do not see it".into(),
         ));
@@ -188,14 +189,6 @@ fn survey(
         depth_median,
         ..FusionReport::default()
     })
-}
-
-fn median(values: &mut [f64]) -> Option<f64> {
-    if values.is_empty() {
-        return None;
-    }
-    let middle = values.len() / 2;
-    Some(*values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
 /// Blocks near the surface, in ascending order.

@@ -3,6 +3,7 @@
 use super::frames::{PhotoQuality, quality};
 use super::photographs;
 use crate::io::colmap;
+use crate::stats::quantile;
 use crate::{Error, Result};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
@@ -72,8 +73,7 @@ pub(super) fn report(out: &Path) -> Result<RegistrationReport> {
     let usual: Vec<PhotoQuality> = found.iter().step_by(step).map(|name| of(name)).collect::<Result<_>>()?;
     let median = |of: fn(&PhotoQuality) -> f64| {
         let mut values: Vec<f64> = usual.iter().map(of).collect();
-        values.sort_by(f64::total_cmp);
-        values.get(values.len() / 2).copied().unwrap_or(0.0)
+        quantile(&mut values, 0.5).unwrap_or(0.0)
     };
     let (sharp, bright) = (median(|q| q.sharpness), median(|q| q.brightness));
     let mut missing = Vec::new();

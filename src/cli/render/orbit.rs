@@ -1,6 +1,7 @@
 //! Cameras on a path around a scene.
 
 use crate::scene::{Camera, Splats, focus, mean_up};
+use crate::stats::quantile;
 use glam::{DMat3, DVec2, DVec3};
 use std::f64::consts::{FRAC_PI_3, TAU};
 
@@ -74,7 +75,7 @@ fn around(position: DVec3) -> Camera {
 
 /// Median position, robust against outliers.
 pub(in crate::cli) fn center(splats: &Splats) -> DVec3 {
-    let axis = |axis: usize| quantile(splats.mean.iter().map(|m| f64::from(m[axis])), 0.5);
+    let axis = |axis: usize| finite_quantile(splats.mean.iter().map(|m| f64::from(m[axis])), 0.5);
     DVec3::new(axis(0), axis(1), axis(2))
 }
 
@@ -85,18 +86,14 @@ pub(in crate::cli) fn radius(splats: &Splats) -> f64 {
         .mean
         .iter()
         .map(|&m| DVec3::from(m.map(f64::from)).distance(center));
-    let radius = quantile(distances, 0.8);
+    let radius = finite_quantile(distances, 0.8);
     if radius > 0.0 { radius } else { 1.0 }
 }
 
 /// Quantile of the finite values; 0 if there are none.
-fn quantile(values: impl Iterator<Item = f64>, share: f64) -> f64 {
+fn finite_quantile(values: impl Iterator<Item = f64>, share: f64) -> f64 {
     let mut values: Vec<f64> = values.filter(|v| v.is_finite()).collect();
-    if values.is_empty() {
-        return 0.0;
-    }
-    let index = (share * (values.len() - 1) as f64) as usize;
-    *values.select_nth_unstable_by(index, f64::total_cmp).1
+    quantile(&mut values, share).unwrap_or(0.0)
 }
 
 /// Cylinder coordinates around a target.

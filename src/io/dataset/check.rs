@@ -8,6 +8,7 @@
 use super::super::photo;
 use crate::error::Result;
 use crate::scene::{Camera, Dataset, Optics, Photo, PhotoSource, View};
+use crate::stats::quantile;
 use glam::{DMat3, DVec2, DVec3};
 use rayon::prelude::*;
 
@@ -247,7 +248,5 @@ fn correlation(points: &[(DVec3, f64)], value: impl Fn(DVec3) -> Option<f64>) ->
 }
 
 fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let mut values: Vec<f64> = values.collect();
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
+    quantile(&mut values.collect::<Vec<f64>>(), 0.5)
 }

@@ -3,6 +3,7 @@
 use super::PatchGrid;
 use super::regions::{RegionRule, regions};
 use crate::scene::{Dataset, Split};
+use crate::stats::quantile;
 use crate::train::config::TransientConfig;
 
 /// Share of a visit in the smoothed score.
@@ -33,13 +34,6 @@ pub struct IgnoredPatches {
     /// First score and first word of each photograph, and the ends.
     begins: Vec<[usize; 2]>,
     state: TransientState,
-}
-
-/// Value at a share of the sorted values.
-fn quantile(values: &mut [f64], share: f64) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    let last = values.len().checked_sub(1)?;
-    Some(values[(share * last as f64).round() as usize])
 }
 
 impl IgnoredPatches {
