@@ -2,6 +2,9 @@
 
 /// Value at a share of the ascending values, the nearest one (0.5: the median, the upper one of two in the middle);
 /// reorders them. `None` if there are none.
+///
+/// # Panics
+/// If `share` is above 1.
 pub fn quantile(values: &mut [f64], share: f64) -> Option<f64> {
     let last = values.len().checked_sub(1)?;
     let rank = (share * last as f64).round() as usize;
