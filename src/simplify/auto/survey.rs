@@ -32,8 +32,7 @@ impl<'a> Survey<'a> {
     }
 
     /// Change of the views by removal of each splat: squares summed over pixels and channels. Infinity for splats that
-    /// no view shows: views that look past the border of these show them, and photographs cannot tell that they are
-    /// too many.
+    /// no view shows, since views that look past the border of the photographs show them.
     pub(super) fn changes(&mut self, views: &[usize]) -> Result<Vec<f64>> {
         let mut sums = vec![(0.0, 0.0); self.weigher.splat_count()];
         for &view in views {

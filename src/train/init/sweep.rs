@@ -10,6 +10,7 @@
 use super::points_in_frusta;
 use crate::Result;
 use crate::scene::{Camera, Dataset, Point, focus};
+use crate::stats::quantile;
 use crate::train::config::InitConfig;
 use crate::train::rng::{self, Stream};
 use crate::train::thumbnails::ReducedPhoto;
@@ -130,11 +131,12 @@ fn median_depth(rays: &[DepthRay], pixel: DVec2) -> Option<f64> {
         .map(|ray| (ray.pixel.distance_squared(pixel), ray.depth))
         .filter(|(distance, _)| *distance > 0.0)
         .collect();
-    let count = near.len().min(NEIGHBORS);
-    near.select_nth_unstable_by(count.checked_sub(1)?, |a, b| a.0.total_cmp(&b.0));
-    near.truncate(count);
-    near.sort_unstable_by(|a, b| a.1.total_cmp(&b.1));
-    Some(near[count / 2].1)
+    if near.len() > NEIGHBORS {
+        near.select_nth_unstable_by(NEIGHBORS, |a, b| a.0.total_cmp(&b.0));
+        near.truncate(NEIGHBORS);
+    }
+    let mut depths: Vec<f64> = near.into_iter().map(|(_, depth)| depth).collect();
+    quantile(&mut depths, 0.5)
 }
 
 /// Whether a point of the photograph `own` would hide what most of the other photographs that look at it show: it lies
