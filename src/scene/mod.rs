@@ -44,5 +44,5 @@ pub use similarity::Similarity;
 pub(crate) use splats::logit;
 pub(crate) use splats::sigmoid;
 pub use splats::{NotFinite, Primitive, SH_C0, ScreenFilter, Splats, sh_coefficient_count};
-pub use tone::{CURVE_OFFSET, CURVE_POWER, stops};
+pub use tone::{CURVE_OFFSET, CURVE_POWER, linear_to_srgb, srgb_to_linear, stops};
 pub use vignetting::Vignetting;

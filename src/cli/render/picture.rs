@@ -3,7 +3,7 @@
 use super::{BitDepth, Format, Show};
 use crate::io::png::{write_rgb, write_rgb16, write_rgba, write_rgba16};
 use crate::render::{RenderedImage, Surface};
-use crate::scene::Camera;
+use crate::scene::{Camera, srgb_to_linear};
 use crate::{Result, io};
 use glam::Vec3;
 use std::path::Path;
@@ -136,19 +136,10 @@ fn linear(rgb: [f32; 3], alpha: f32) -> [f32; 4] {
         if alpha <= 0.0 {
             return 0.0;
         }
-        alpha * srgb_to_linear(value / alpha)
+        alpha * srgb_to_linear((value / alpha).into()) as f32
     };
     let [r, g, b] = rgb.map(channel);
     [r, g, b, alpha]
-}
-
-/// The sRGB curve (IEC 61966-2-1), continued above 1.
-fn srgb_to_linear(value: f32) -> f32 {
-    if value <= 0.040_45 {
-        value / 12.92
-    } else {
-        ((value + 0.055) / 1.055).powf(2.4)
-    }
 }
 
 #[cfg(test)]

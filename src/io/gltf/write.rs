@@ -3,7 +3,7 @@
 use super::super::atomic::write_atomically;
 use super::{EXTENSION, glb};
 use crate::error::{Error, Result};
-use crate::scene::{Axes, SH_C0, Splats, sh_coefficient_count, sh_signs, sigmoid};
+use crate::scene::{Axes, SH_C0, Splats, sh_coefficient_count, sh_signs, sigmoid, srgb_to_linear};
 use glam::DVec3;
 use serde_json::{Value, json};
 use std::io::{BufWriter, Write};
@@ -183,13 +183,8 @@ fn unit(quaternion: [f32; 4]) -> [f32; 4] {
 /// Linear colour without harmonics above degree 0, and opacity, in 255ths.
 fn fallback(splats: &Splats, index: usize) -> [u8; 4] {
     let byte = |share: f64| (255.0 * share).round() as u8;
-    // Decoding of sRGB (IEC 61966-2-1).
-    let linear = |v: f64| match v <= 0.040_45 {
-        true => v / 12.92,
-        false => ((v + 0.055) / 1.055).powf(2.4),
-    };
     let constant = &splats.sh[index * splats.sh_stride()..][..3];
-    let color = |c: usize| byte(linear((0.5 + f64::from(SH_C0 * constant[c])).clamp(0.0, 1.0)));
+    let color = |c: usize| byte(srgb_to_linear((0.5 + f64::from(SH_C0 * constant[c])).clamp(0.0, 1.0)));
     [
         color(0),
         color(1),

@@ -2,7 +2,7 @@
 
 use super::super::atomic::write_atomically;
 use crate::error::{Error, Result};
-use crate::scene::Mesh;
+use crate::scene::{Mesh, srgb_to_linear};
 use glam::DVec3;
 use serde_json::{Value, json};
 use std::io::Write;
@@ -92,14 +92,10 @@ fn parts(mesh: &Mesh) -> Vec<BufferPart> {
     parts
 }
 
-/// A display-referred value as linear light in 65,535ths (decoding of sRGB, IEC 61966-2-1).
+/// A display-referred value as linear light in 65,535ths.
 fn level(value: f32) -> u16 {
-    let linear = match value <= 0.040_45 {
-        true => value / 12.92,
-        false => ((value + 0.055) / 1.055).powf(2.4),
-    };
     // The cast saturates and sends NaN to 0.
-    (linear * 65_535.0).round() as u16
+    (srgb_to_linear(value.into()) * 65_535.0).round() as u16
 }
 
 fn document(mesh: &Mesh, parts: &[BufferPart], origin: DVec3) -> Value {

@@ -1,7 +1,7 @@
 //! Faults of real captures in made photographs, with the truth known.
 
 use super::random::KeyedRandom;
-use crate::scene::{Camera, Vignetting};
+use crate::scene::{Camera, Vignetting, linear_to_srgb, srgb_to_linear};
 use glam::DVec2;
 
 /// Largest exposure of a photograph in stops, either way.
@@ -44,21 +44,5 @@ pub(super) fn exposures(views: usize, is_test: impl Fn(usize) -> bool, seed: u64
 /// The colour under another exposure: sRGB values, through linear light. Values above 1 are left for the photograph to
 /// clip.
 pub(super) fn exposed(color: [f32; 3], stops: [f64; 3]) -> [f32; 3] {
-    [0, 1, 2].map(|c| stored(linear(color[c].into()) * stops[c].exp2()) as f32)
-}
-
-/// Linear light of an sRGB value (IEC 61966-2-1).
-fn linear(value: f64) -> f64 {
-    match value <= 0.04045 {
-        true => value / 12.92,
-        false => ((value + 0.055) / 1.055).powf(2.4),
-    }
-}
-
-/// The inverse of [`linear`].
-fn stored(light: f64) -> f64 {
-    match light <= 0.003_130_8 {
-        true => 12.92 * light,
-        false => 1.055 * light.powf(1.0 / 2.4) - 0.055,
-    }
+    [0, 1, 2].map(|c| linear_to_srgb(srgb_to_linear(color[c].into()) * stops[c].exp2()) as f32)
 }
