@@ -25,7 +25,7 @@ test: setup lints
 	$(MAKE) examples
 	cargo test $(TESTED) --test device -- $(HALF) >target/device-1.log 2>&1 & first=$$!; \
 	cargo test $(TESTED) --test device -- $(HALF:%=--skip %) >target/device-2.log 2>&1 & second=$$!; \
-	cargo test $(TESTED) --lib --bins --test host --test binary --test slow; failed=$$?; \
+	cargo test $(TESTED) --lib --test host --test binary --test slow; failed=$$?; \
 	ASHFALL_TEST_LIMITS=$(LESSER_PICTURES) cargo test $(TESTED) --test device -- frame:: large:: || failed=1; \
 	wait $$first || failed=1; wait $$second || failed=1; \
 	cat target/device-1.log target/device-2.log; exit $$failed
