@@ -44,7 +44,7 @@ pub(super) struct DataArgs {
     /// Hold out every N-th photograph by name, from the first, as test view; 0: none
     #[arg(long, value_name = "N", default_value_t = 8)]
     pub test_every: usize,
-    /// Folder of the photographs [default: the data set format's]
+    /// Folder of the photographs, in the data set or else in the working directory [default: the data set format's]
     #[arg(long, value_name = "DIR")]
     pub images: Option<PathBuf>,
     /// Meaning of alpha: over the background, or weight of the pixel [default: composite; mask for distorted
@@ -75,12 +75,25 @@ impl Default for DataArgs {
 }
 
 impl DataArgs {
+    /// Absolute path of `--images`: the data set's folder of that name if there is one, else the working directory's.
+    pub(crate) fn photo_folder(&self, data: &Path) -> Result<Option<PathBuf>> {
+        let Some(name) = &self.images else {
+            return Ok(None);
+        };
+        let own = dataset::photo_folder(data, name);
+        let folder = match name.is_dir() && !own.is_dir() {
+            true => name,
+            false => &own,
+        };
+        std::path::absolute(folder).map(Some).map_err(Error::io(folder))
+    }
+
     /// Opens the data set at `path` and prints the repairs and omissions.
     pub(crate) fn open(&self, path: &Path, photos_required: bool) -> Result<Dataset> {
         let options = OpenOptions {
             downscale: self.downscale,
             test_every: self.test_every,
-            images: self.images.clone(),
+            images: self.photo_folder(path)?,
             alpha: self.alpha.map(AlphaMode::from),
             photos_required,
             masks: match self.masks {

@@ -222,7 +222,7 @@ fn begin(args: &TrainArgs) -> Result<(PathBuf, RunState, Option<FolderLock>)> {
 /// State of a new run.
 pub(super) fn begin_made(data: &Path, options: &DataArgs, iterations: u32) -> Result<RunState> {
     let mut options = options.clone();
-    options.images = options.images.as_deref().map(absolute).transpose()?;
+    options.images = options.photo_folder(data)?;
     Ok(RunState {
         data: absolute(data)?,
         options,

@@ -15,7 +15,7 @@ use crate::error::{Error, Result};
 use crate::scene::{AlphaMode, Dataset, Point, Split, View};
 pub use check::check_capture;
 use glam::DVec3;
-pub use reconstruction::Reconstruction;
+pub use reconstruction::{Reconstruction, photo_folder};
 use std::path::{Path, PathBuf};
 
 /// Options for opening a data set.

@@ -62,13 +62,12 @@ impl Reconstruction {
 /// Detects the format and reads it.
 pub(super) fn list(path: &Path, options: &OpenOptions) -> Result<Listing> {
     let meta = std::fs::metadata(path).map_err(Error::io(path))?;
-    let folder = match meta.is_file() {
-        true => path.parent().unwrap_or(Path::new(".")),
-        false => path,
-    };
-    let photos = options.images.as_ref().map(|images| folder.join(images));
+    let photos = options.images.as_ref().map(|images| photo_folder(path, images));
     match Reconstruction::find(path)? {
-        Some(Reconstruction::Colmap(model)) => colmap::read(&model, &colmap_photos(path, options)),
+        Some(Reconstruction::Colmap(model)) => {
+            let photos = photos.unwrap_or_else(|| photo_folder(path, Path::new("images")));
+            colmap::read(&model, &photos)
+        }
         Some(Reconstruction::Transforms(file)) if meta.is_file() => transforms::read(&file, photos.as_deref()),
         Some(Reconstruction::Transforms(file)) => transforms_with_test(path, &file, photos.as_deref(), options),
         Some(Reconstruction::RealityCapture(file)) => realitycapture::read(&file, photos.as_deref()),
@@ -109,11 +108,14 @@ fn transforms_with_test(path: &Path, file: &Path, photos: Option<&Path>, options
     Ok(listing)
 }
 
-/// Folder of a COLMAP data set's photographs, above `path` if `path` is the model itself.
-fn colmap_photos(path: &Path, options: &OpenOptions) -> PathBuf {
-    let images = options.images.clone().unwrap_or("images".into());
-    let own = path.join(&images);
-    let above = [path.join("..").join(&images), path.join("../..").join(&images)];
+/// Folder of photographs by its name in the data set at `path`, a file or a folder: beside a file; one or two folders
+/// above a COLMAP model that has none. An absolute name is the folder itself.
+pub fn photo_folder(path: &Path, name: &Path) -> PathBuf {
+    if path.is_file() {
+        return path.parent().unwrap_or(Path::new(".")).join(name);
+    }
+    let own = path.join(name);
+    let above = [path.join("..").join(name), path.join("../..").join(name)];
     let is_model = path.join("cameras.bin").is_file() || path.join("cameras.txt").is_file();
     if is_model
         && !own.is_dir()

@@ -180,6 +180,32 @@ fn info_describes_devices_and_data_sets() {
 }
 
 #[test]
+fn photographs_are_found_in_the_data_set_and_else_in_the_working_directory() {
+    let folder = folder();
+    let bare = folder.path().join("bare");
+    fs::create_dir(&bare).unwrap();
+    for entry in fs::read_dir(data()).unwrap().map(Result::unwrap) {
+        if entry.path().is_file() {
+            fs::copy(entry.path(), bare.join(entry.file_name())).unwrap();
+        }
+    }
+    let status = |images: &str| {
+        let mut command = ashfall(&["info", word(&bare), "--images", images]);
+        command
+            .current_dir(data().parent().unwrap())
+            .output()
+            .unwrap()
+            .status
+            .code()
+    };
+    assert_eq!(status("photos"), Some(1));
+    assert_eq!(status("data"), Some(0));
+    // The data set's own folder comes first, even an empty one.
+    fs::create_dir(bare.join("data")).unwrap();
+    assert_eq!(status("data"), Some(1));
+}
+
+#[test]
 fn a_scene_is_trained_judged_and_drawn() {
     let folder = folder();
     let path = |name: &str| folder.path().join(name);
