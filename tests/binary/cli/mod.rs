@@ -189,8 +189,8 @@ fn photographs_are_found_in_the_data_set_and_else_in_the_working_directory() {
             fs::copy(entry.path(), bare.join(entry.file_name())).unwrap();
         }
     }
-    let status = |images: &str| {
-        let mut command = ashfall(&["info", word(&bare), "--images", images]);
+    let status = |arguments: &[&str]| {
+        let mut command = ashfall(arguments);
         command
             .current_dir(data().parent().unwrap())
             .output()
@@ -198,11 +198,26 @@ fn photographs_are_found_in_the_data_set_and_else_in_the_working_directory() {
             .status
             .code()
     };
-    assert_eq!(status("photos"), Some(1));
-    assert_eq!(status("data"), Some(0));
+    let (out, scene) = (folder.path().join("run"), folder.path().join("run/scene.ply"));
+    let begun = |images| {
+        status(&[
+            "train",
+            word(&bare),
+            "--images",
+            images,
+            "--iterations",
+            "1",
+            "--out",
+            word(&out),
+        ])
+    };
+    let judged = || status(&["eval", word(&scene), word(&bare), "--images", "data"]);
+    assert_eq!(begun("photos"), Some(1));
+    assert_eq!(begun("data"), Some(0));
+    assert_eq!(judged(), Some(0));
     // The data set's own folder comes first, even an empty one.
     fs::create_dir(bare.join("data")).unwrap();
-    assert_eq!(status("data"), Some(1));
+    assert_eq!(judged(), Some(1));
 }
 
 #[test]
