@@ -37,6 +37,8 @@ pub mod metashape;
 #[cfg(feature = "train")]
 pub mod obj;
 #[cfg(feature = "train")]
+pub(crate) mod parallel;
+#[cfg(feature = "train")]
 pub mod photo;
 #[cfg(feature = "train")]
 mod photo_index;

@@ -1,6 +1,7 @@
 //! Reduced photographs of the training views, for first splats.
 
 use crate::Result;
+use crate::io::parallel::try_map;
 use crate::io::photo;
 use crate::scene::{Camera, Dataset, Photo};
 use glam::{DVec2, DVec3};
@@ -18,7 +19,7 @@ pub(super) struct ReducedPhoto {
 impl ReducedPhoto {
     /// Those of these views.
     pub(super) fn all(dataset: &Dataset, views: &[usize]) -> Result<Vec<ReducedPhoto>> {
-        views.par_iter().map(|&view| ReducedPhoto::of(dataset, view)).collect()
+        try_map(views.par_iter(), |&view| ReducedPhoto::of(dataset, view))
     }
 
     fn of(dataset: &Dataset, view: usize) -> Result<ReducedPhoto> {

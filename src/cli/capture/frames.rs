@@ -3,6 +3,7 @@
 use super::photographs;
 use super::tool::Tool;
 use crate::cli::output::Output;
+use crate::io::parallel::try_map;
 use crate::io::photo;
 use crate::{Error, Result};
 use rayon::prelude::*;
@@ -61,10 +62,7 @@ fn duration(said: &str) -> Option<f64> {
 
 /// The sharpest of each stretch of frames.
 fn sharpest<'a>(folder: &Path, names: &'a [String]) -> Result<Vec<&'a String>> {
-    let scores: Vec<f64> = names
-        .par_iter()
-        .map(|name| Ok(quality(&folder.join(name))?.sharpness))
-        .collect::<Result<_>>()?;
+    let scores = try_map(names.par_iter(), |name| Ok(quality(&folder.join(name))?.sharpness))?;
     let stretches = names
         .chunks(TAKEN_PER_KEPT as usize)
         .zip(scores.chunks(TAKEN_PER_KEPT as usize));

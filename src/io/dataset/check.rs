@@ -5,6 +5,7 @@
 //! there. It does not depend on exposure. Of some photographs, evenly spaced, each hypothesis tells other pixels for
 //! the same points.
 
+use super::super::parallel::try_map;
 use super::super::photo;
 use crate::error::Result;
 use crate::scene::{Camera, Dataset, Optics, Photo, PhotoSource, View};
@@ -95,8 +96,8 @@ pub fn check_capture(dataset: &Dataset) -> Result<Vec<String>> {
         .copied()
         .step_by(views.len().div_ceil(PHOTOS).max(1))
         .collect();
-    let checks = chosen.par_iter().map(|&view| look(dataset, view));
-    let checks: Vec<PhotoCheck> = checks.collect::<Result<Vec<_>>>()?.into_iter().flatten().collect();
+    let checks = try_map(chosen.par_iter(), |&view| look(dataset, view))?;
+    let checks: Vec<PhotoCheck> = checks.into_iter().flatten().collect();
     Ok(findings(&checks, dataset.tracks.is_empty()))
 }
 

@@ -1,5 +1,6 @@
 //! Warnings of masks and of colour profiles, the usual mistakes among them.
 
+use super::super::parallel::try_map;
 use super::super::photo;
 use super::{MaskUse, OpenOptions};
 use crate::error::Result;
@@ -45,10 +46,7 @@ pub(super) fn look_at_masks(
         warnings.push(format!("{place}: {some} of {all} photographs have masks"));
     }
     let sample: Vec<&MaskFile> = masks.iter().step_by(masks.len().div_ceil(LOOKED_AT)).collect();
-    let shares: Vec<f64> = sample
-        .par_iter()
-        .map(|mask| photo::share_left_out(mask))
-        .collect::<Result<_>>()?;
+    let shares = try_map(sample.par_iter(), |mask| photo::share_left_out(mask))?;
     let mean = shares.iter().sum::<f64>() / shares.len() as f64;
     if mean > INVERTED_FROM {
         warnings.push(format!(

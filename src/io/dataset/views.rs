@@ -1,6 +1,7 @@
 //! Check of listed views against their photographs.
 
 use super::super::listing::ListedView;
+use super::super::parallel::try_map;
 use super::super::photo::{self, SIDE_MIN};
 use super::{MaskUse, OpenOptions, faces};
 use crate::error::{Error, Result};
@@ -36,10 +37,7 @@ pub(super) fn look_at_photos(
     options: &OpenOptions,
     warnings: &mut Vec<String>,
 ) -> Result<CheckedViews> {
-    let found: Vec<Option<CheckedPhoto>> = listed
-        .par_iter()
-        .map(|view| look_at_photo(view, options))
-        .collect::<Result<_>>()?;
+    let found = try_map(listed.par_iter(), |view| look_at_photo(view, options))?;
     let mut checked = CheckedViews::default();
     let seen_from_listed: Vec<Vec<u32>> = listed.iter_mut().map(|view| std::mem::take(&mut view.seen)).collect();
     let (mut missing, mut resized, mut turned) = (Vec::new(), Vec::new(), Vec::new());

@@ -1,5 +1,6 @@
 //! Cache of decoded photographs within a memory budget.
 
+use super::super::parallel::try_map;
 use super::load;
 use crate::error::Result;
 use crate::scene::{Dataset, Photo};
@@ -57,9 +58,7 @@ impl PhotoCache {
                 planned <= self.budget_bytes
             })
             .collect();
-        fitting
-            .into_par_iter()
-            .try_for_each(|index| self.get(dataset, index).map(drop))?;
+        try_map(fitting.par_iter(), |&index| self.get(dataset, index).map(drop))?;
         let kept = |index: &&usize| self.slots[**index].get().is_some();
         Ok(indices.iter().filter(kept).count())
     }

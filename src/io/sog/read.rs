@@ -2,6 +2,7 @@
 
 use super::super::check::Check;
 use super::super::loaded::{Collector, LoadedSplats, StoredAs};
+use super::super::parallel::try_map;
 use super::super::source::Source;
 use super::archive::{META, META_BYTES_MAX, SogContainer};
 use super::codes::{Decoder, Harmonics, SplatCodes, numbers_of};
@@ -43,11 +44,10 @@ pub fn read<'a>(source: impl Into<Source<'a>>) -> Result<LoadedSplats> {
     let (mut container, bytes) = SogContainer::open(source)?;
     let meta = Meta::parse(&bytes).map_err(|what| container.fault(META, what))?;
     let encoded = open_images(&mut container, &meta)?;
-    let images = encoded.into_par_iter().zip(&meta.names).map(|(encoded, name)| {
+    let images = try_map(encoded.into_par_iter().zip(&meta.names), |(encoded, name)| {
         let image = encoded.decode();
         image.map_err(|what| container.fault(name, what))
-    });
-    let images: Vec<CodeImage> = images.collect::<Result<_>>()?;
+    })?;
     let count = meta.count as usize;
     check_indices(&container, &meta, &images, count)?;
     let harmonics = meta.palette.as_ref().zip(images.get(5));

@@ -3,6 +3,7 @@
 use super::CURVE_OFFSET;
 use super::fit::Observation;
 use crate::Result;
+use crate::io::parallel::try_map;
 use crate::io::photo;
 use crate::scene::{Dataset, PhotoSource, Split, View, Vignetting};
 use glam::DVec3;
@@ -52,10 +53,7 @@ impl TrackColors {
         let mut views = dataset.split(Split::Train);
         views.retain(|view| has_photo(view) && !dataset.tracks.is_empty());
         Ok(TrackColors {
-            photos: views
-                .par_iter()
-                .map(|&view| PhotoColors::read(dataset, view))
-                .collect::<Result<_>>()?,
+            photos: try_map(views.par_iter(), |&view| PhotoColors::read(dataset, view))?,
             points: dataset.points.len(),
         })
     }

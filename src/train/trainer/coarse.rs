@@ -3,6 +3,7 @@
 use super::{IN_FLIGHT, Photos, TrainConfig, Trainer};
 use crate::Result;
 use crate::gpu::Gpu;
+use crate::io::parallel::try_map;
 use crate::io::photo;
 use crate::scene::{Dataset, PhotoSource, Split, View};
 use crate::train::schedule;
@@ -35,7 +36,7 @@ impl Coarse {
         };
         Ok(Coarse {
             dataset: Dataset {
-                views: views.par_iter().map(view).collect::<Result<_>>()?,
+                views: try_map(views.par_iter(), view)?,
                 alpha: dataset.alpha,
                 ..Dataset::default()
             },
