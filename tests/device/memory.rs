@@ -129,9 +129,9 @@ fn compare(gpu: &Gpu, dataset: &Dataset, config: &TrainConfig, streamed: bool) {
 }
 
 fn config(strategy: StrategyKind) -> TrainConfig {
-    let mut config = TrainConfig::for_iterations(120).with_strategy(strategy);
-    config.refine.from = 20;
-    config.refine.every = 30;
+    let mut config = TrainConfig::for_iterations(60).with_strategy(strategy);
+    config.refine.from = 10;
+    config.refine.every = 15;
     config.adc.grad_threshold = 1e-5;
     config.max_splats = Some(match strategy {
         StrategyKind::Adc => 12_000,
@@ -201,7 +201,7 @@ fn memory_falls_with_the_degrees() {
 fn a_count_controller_takes_what_the_formula_says() {
     let gpu = crate::common::device::gpu();
     let dataset = dataset(6_000);
-    let config = for_auto_count(TrainConfig::for_iterations(120), dataset.views_per_point());
+    let config = for_auto_count(TrainConfig::for_iterations(60), dataset.views_per_point());
     gpu.reset_memory_peak();
     let run = AutoRun::new(&gpu, &dataset, config).unwrap();
     let mut run = run

@@ -14,6 +14,7 @@ struct Size {
     views: usize,
     width: u32,
     height: u32,
+    points: usize,
     iterations: u32,
 }
 
@@ -76,6 +77,7 @@ fn measured(gpu: &Gpu, kind: Kind, size: &Size, of_kind: SplatKind) -> Measured 
         views: size.views,
         width: size.width,
         height: size.height,
+        points: size.points,
         ..SynthOptions::default()
     };
     let dataset = made.dataset(&options);
@@ -170,7 +172,8 @@ fn the_mesh_of_a_trained_sphere_is_near_the_sphere() {
         views: 16,
         width: 80,
         height: 60,
-        iterations: 300,
+        points: 1_500,
+        iterations: 200,
     };
     let found = measured(&gpu, Kind::Sphere, &size, SPLATS).meshes;
     table(Kind::Sphere, &found);
@@ -193,6 +196,7 @@ const TABLE_SIZE: Size = Size {
     views: 32,
     width: 160,
     height: 120,
+    points: 5_000,
     iterations: 1_000,
 };
 
@@ -213,7 +217,8 @@ fn the_mesh_of_surfels_on_a_plane_is_near_the_plane() {
         views: 16,
         width: 80,
         height: 60,
-        iterations: 300,
+        points: 1_500,
+        iterations: 200,
     };
     let surfels = (Primitive::Surfel, ScreenFilter::Classic, [0.0; 2]);
     let found = measured(&gpu, Kind::Plane, &size, surfels);

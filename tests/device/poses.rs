@@ -12,7 +12,7 @@ fn made(errors: f64) -> Dataset {
         width: 96,
         height: 72,
         samples: 2,
-        points: 1_500,
+        points: 800,
         tracks: true,
         pose_seed: (errors > 0.0).then_some(1),
         pose_amount: errors,
@@ -63,12 +63,12 @@ fn errors_of_poses_fall_and_pictures_fit_again() {
     let disturbed = made(1.0);
     let kept = TrainConfig {
         refine_poses: false,
-        ..config(250)
+        ..config(200)
     };
     let (kept, none, _) = train(&disturbed, kept);
     assert!(none.is_none());
     for kind in [Primitive::Gaussian3d, Primitive::Surfel] {
-        let config = TrainConfig { kind, ..config(250) };
+        let config = TrainConfig { kind, ..config(200) };
         let (loss, refined, ratio) = train(&disturbed, config);
         let refined = refined.unwrap();
         let gauge = Similarity::between(&cameras(&disturbed), &refined);
@@ -87,7 +87,7 @@ fn errors_of_poses_fall_and_pictures_fit_again() {
 #[test]
 fn exact_poses_stay_and_rounds_repeat_to_the_bit() {
     let exact = made(0.0);
-    let run = || train(&exact, config(150)).1.unwrap();
+    let run = || train(&exact, config(120)).1.unwrap();
     let refined = run();
     assert!(refined == run(), "not the same bits twice");
     let moved = error_degrees(&refined, &cameras(&exact));

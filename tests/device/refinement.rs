@@ -17,7 +17,7 @@ fn dataset() -> Dataset {
         width: 96,
         height: 64,
         samples: 1,
-        points: 40_000,
+        points: 20_000,
         ..SynthOptions::default()
     })
 }

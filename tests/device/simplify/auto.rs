@@ -22,7 +22,7 @@ fn options() -> SynthOptions {
         views: VIEWS,
         width: 64,
         height: 48,
-        points: 800,
+        points: 400,
         ..SynthOptions::default()
     }
 }
@@ -39,11 +39,14 @@ fn config(strategy: StrategyKind) -> TrainConfig {
     for_auto_count(config.with_strategy(strategy), VIEWS as f64)
 }
 
-/// Configuration of a longer run.
+/// Iterations of a longer run, and of a round in it.
+const LONGER: u32 = 400;
+const ROUND: usize = 20;
+
 fn longer() -> TrainConfig {
     let config = TrainConfig {
         sh_degree: 1,
-        ..TrainConfig::for_iterations(600)
+        ..TrainConfig::for_iterations(LONGER)
     };
     for_auto_count(config, VIEWS as f64)
 }
@@ -199,7 +202,7 @@ fn harmonics_go_before_the_last_fit_and_nothing_else_sets_a_run_apart_that_keeps
     let last = history.entries.last().unwrap();
     assert_eq!((last.act, Some(last.iteration)), (Act::ShReduced, history.settled_from));
     // A fifth of the run is left for the last fit.
-    assert!(last.iteration <= 480, "{}", last.iteration);
+    assert!(last.iteration <= LONGER / 5 * 4, "{}", last.iteration);
     let run = AutoRun::new(&gpu, &dataset, longer())?;
     let mut run = run.controlled(|trainer, dataset| {
         let mut controller = CountController::begin(trainer, dataset, false)?;
@@ -264,9 +267,9 @@ fn a_trivial_scene_ends_with_a_twentieth_of_an_intricate_one_and_most_rounds_tak
     }
     assert!(2 * (twice + unclear) < rounds.len(), "{rounds:?}");
     // Steps that did not fit at first are taken again: some.
-    let least = 600 + 30 * twice;
-    let most = least + 30 * unclear;
-    assert!((least..most + 30).contains(&steps), "{steps} steps: {rounds:?}");
+    let least = LONGER as usize + ROUND * twice;
+    let most = least + ROUND * unclear;
+    assert!((least..most + ROUND).contains(&steps), "{steps} steps: {rounds:?}");
     Ok(())
 }
 

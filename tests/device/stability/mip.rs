@@ -34,7 +34,7 @@ fn dataset(scene: &synth::Scene) -> Dataset {
         views: 18,
         width: 80,
         height: 64,
-        points: 1_500,
+        points: 600,
         test_every: 6,
         ..SynthOptions::default()
     })
@@ -44,7 +44,7 @@ fn config(filter: ScreenFilter) -> TrainConfig {
     TrainConfig {
         filter,
         sh_degree: 0,
-        ..TrainConfig::for_iterations(400)
+        ..TrainConfig::for_iterations(320)
     }
 }
 
