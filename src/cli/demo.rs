@@ -122,7 +122,7 @@ pub(super) enum PerturbArg {
     None,
 }
 
-/// MadeFaults that an argument asks for.
+/// Faults of an argument.
 struct MadeFaults {
     exposure: bool,
     /// Size of the errors of cameras, 1 for those of `--perturb poses`; 0: none.

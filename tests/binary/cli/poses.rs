@@ -40,7 +40,7 @@ fn a_run_with_refined_poses_writes_them_and_resumes_to_the_byte() {
     let data = made(folder.path());
     let path = |name: &str| folder.path().join(name);
     let (whole, parts, off) = (path("whole"), path("parts"), path("off"));
-    let more = ["--refine-poses", "--checkpoint-every", "1"];
+    let more = ["--refine-poses", "--checkpoint-every", "1", "--set", "sh_degree=0"];
     stdout(&train(word(&data), word(&whole), &more));
     stop(&train(word(&data), word(&parts), &more), &parts, "-INT");
     stdout(&["train", "--resume", word(&parts), "--validate"]);
