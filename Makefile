@@ -4,7 +4,7 @@
 TESTED = --features capi,window
 PREFIX ?= /usr/local
 # Modules with half of the time of the device's tests.
-HALF = simplify:: stability:: faults:: meshes::
+HALF = simplify:: stability:: faults::
 
 .PHONY: demo check test lints capi package examples needs bench bench-native soak fuzz clients limits setup
 
