@@ -162,10 +162,7 @@ fn record_twice(left_out: &[Option<usize>]) -> Vec<(Vec<Barrier>, Vec<String>)> 
     let mut recorded = Vec::new();
     for &left_out in left_out {
         left.begin();
-        right.begin();
-        right.hand_over();
-        right.submit();
-        right.pixels::<f32>();
+        right.make_copyable();
         let mut commands = wrap(left);
         watch::keep_barriers(left_out);
         for (before, frame) in [(CLEARED, left), (COPYABLE, right)] {

@@ -137,6 +137,14 @@ impl<'a> Frame<'a> {
         }
     }
 
+    /// Makes the image copyable by commands of its own, for frames whose image is drawn by those of another.
+    pub(crate) fn make_copyable(&self) {
+        self.begin();
+        self.hand_over();
+        self.submit();
+        self.pixels::<f32>();
+    }
+
     /// Barrier from cleared to copyable, for frames that the engine does not record into.
     pub(crate) fn hand_over(&self) {
         let barriers = [vk::ImageMemoryBarrier2::default()
