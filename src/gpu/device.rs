@@ -82,7 +82,7 @@ impl Gpu {
     }
 
     /// False for a host's device.
-    pub(super) fn is_owned(&self) -> bool {
+    pub(crate) fn is_owned(&self) -> bool {
         self.0.own.is_some()
     }
 

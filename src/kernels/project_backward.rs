@@ -42,15 +42,10 @@ impl Choice {
 }
 
 impl ProjectBackward {
-    /// One for splats of each degree up to `highest`, for frames with these outputs; `indexed`: slots are not in splat
-    /// order.
-    pub fn of_degrees(gpu: &Gpu, highest: u32, indexed: bool, outputs: Outputs) -> Result<Vec<ProjectBackward>> {
-        let kernel = |degree| {
-            let mut choice = Choice::prefer(gpu.caps(), degree).of_outputs(outputs);
-            choice.spec.indexed = indexed.into();
-            ProjectBackward::new(gpu, choice)
-        };
-        let degrees: Vec<u32> = (0..=highest).collect();
-        gpu.compile_all(&degrees, kernel)
+    /// For splats of `sh_degree` in frames with these outputs; `indexed`: slots are not in splat order.
+    pub fn of_degree(gpu: &Gpu, sh_degree: u32, indexed: bool, outputs: Outputs) -> Result<ProjectBackward> {
+        let mut choice = Choice::prefer(gpu.caps(), sh_degree).of_outputs(outputs);
+        choice.spec.indexed = indexed.into();
+        ProjectBackward::new(gpu, choice)
     }
 }

@@ -108,20 +108,21 @@ impl Forward {
         })
     }
 
-    /// Compiles the additional kernels of an indexed model; to be called before the first frame of each model.
-    pub(crate) fn prepare(&mut self, gpu: &Gpu, model: &Model) -> Result<()> {
-        self.project.prepare(gpu, model, false)
+    /// Compiles the kernels that frames of a model with SH up to `sh_degree` need besides those of earlier ones; to be
+    /// called before the first of them.
+    pub(crate) fn prepare(&mut self, gpu: &Gpu, model: &Model, sh_degree: u32) -> Result<()> {
+        self.project.prepare(gpu, model, false, sh_degree)
     }
 
     /// As [`Forward::prepare`], for a model of an instance.
-    pub(super) fn prepare_instance(&mut self, gpu: &Gpu, model: &Model) -> Result<()> {
-        self.project.prepare(gpu, model, true)
+    pub(super) fn prepare_instance(&mut self, gpu: &Gpu, model: &Model, sh_degree: u32) -> Result<()> {
+        self.project.prepare(gpu, model, true, sh_degree)
     }
 
     /// True if the kernels are compiled.
-    pub(super) fn is_prepared(&self, content: FrameContent<'_>) -> bool {
+    pub(super) fn is_prepared(&self, content: FrameContent<'_>, sh_degree: u32) -> bool {
         let mut models = content.models();
-        models.all(|model| self.project.has(model, content.has_instances()))
+        models.all(|model| self.project.has(model, content.has_instances(), sh_degree))
     }
 
     /// Records a frame with SH up to `sh_degree`, in `bands`. The failed flag in `scratch.counts` is honoured, never

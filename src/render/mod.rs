@@ -58,6 +58,8 @@ pub use occlusion::{DepthCode, HostDepth};
 pub use options::{RenderOptions, SplatOrder};
 pub use picking::{PickPixel, PickReport, locate};
 pub use precision::Precision;
+#[cfg(feature = "train")]
+pub(crate) use projections::ModelKernels;
 pub use rendered::RenderedImage;
 pub use renderer::Renderer;
 pub use row_bands::{RowBand, RowBands, binding_limit};

@@ -115,9 +115,9 @@ impl Renderer {
     /// Those of Vulkan.
     pub fn prepare(&mut self, model: &Model) -> Result<()> {
         if let Some(occlusion) = &mut self.occlusion {
-            occlusion.forward.prepare(&self.gpu, model)?;
+            occlusion.forward.prepare(&self.gpu, model, self.options.sh_degree)?;
         }
-        self.forward.prepare(&self.gpu, model)
+        self.forward.prepare(&self.gpu, model, self.options.sh_degree)
     }
 
     /// As [`Renderer::prepare`], for instances.
@@ -130,11 +130,12 @@ impl Renderer {
                 what: "depths and normals of surfaces of instances".into(),
             });
         }
+        let degree = self.options.sh_degree;
         for instance in instances {
             if let Some(occlusion) = &mut self.occlusion {
-                occlusion.forward.prepare_instance(&self.gpu, instance.model)?;
+                occlusion.forward.prepare_instance(&self.gpu, instance.model, degree)?;
             }
-            self.forward.prepare_instance(&self.gpu, instance.model)?;
+            self.forward.prepare_instance(&self.gpu, instance.model, degree)?;
         }
         Ok(())
     }
@@ -305,7 +306,7 @@ impl Renderer {
             Occlusion::check(&self.gpu, depth)?;
         }
         picking::check(target, size, (self.picking.is_some(), self.options.with_depth))?;
-        if !self.forward.is_prepared(content) {
+        if !self.forward.is_prepared(content, self.options.sh_degree) {
             let function = match content {
                 FrameContent::Model(_) => "prepare",
                 FrameContent::Instances(..) => "prepare_instances",

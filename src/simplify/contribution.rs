@@ -184,12 +184,9 @@ impl ContributionPass {
             ..RenderOptions::default()
         };
         options.check_rules()?;
-        let mut forward = Forward::for_rendering(gpu, &options)?;
-        let model = Model::upload(gpu, splats)?;
-        forward.prepare(gpu, &model)?;
         let resources = Resources {
-            model,
-            forward,
+            model: Model::upload(gpu, splats)?,
+            forward: Forward::for_rendering(gpu, &options)?,
             kernels,
             buffers: ViewBuffers::new(gpu, Capacity::LEAST, options.outputs())?,
             sums: ContributionSums::new(gpu, count)?,
@@ -319,6 +316,8 @@ impl ContributionPass {
     /// kernels' counters.
     fn draw(&mut self, camera: &Camera, budget: Option<f32>) -> Result<Vec<u32>> {
         let sh_degree = budget.map_or(self.resources.model.sh_degree, |_| 0);
+        let Resources { forward, model, .. } = &mut self.resources;
+        forward.prepare(&self.gpu, model, sh_degree)?;
         let view = self.view(camera);
         self.reserve(camera, isects_expected(self.splat_count(), camera.width, camera.height))?;
         loop {

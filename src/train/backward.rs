@@ -29,6 +29,11 @@ pub(crate) struct Backward {
     perturb: perturb::Perturb,
 }
 
+/// True if a step with these weights has terms of geometry.
+fn has_terms(weights: [f32; 2]) -> bool {
+    weights.iter().any(|&weight| weight > 0.0)
+}
+
 impl Backward {
     /// Compiles the kernels.
     pub(crate) fn new(gpu: &Gpu, config: &TrainConfig) -> Result<Backward> {
@@ -46,10 +51,13 @@ impl Backward {
         })
     }
 
-    /// Compiles further kernels that steps of `model` need. Required before the first of them.
-    pub(crate) fn prepare(&mut self, gpu: &Gpu, model: &Model) -> Result<()> {
-        self.chain.prepare(gpu, model)?;
-        self.geometry.iter_mut().try_for_each(|pass| pass.prepare(gpu, model))
+    /// Compiles further kernels that steps of `model` need with SH up to `sh_degree` and these weights of the terms of
+    /// geometry. Required before the first of them.
+    pub(crate) fn prepare(&mut self, gpu: &Gpu, model: &Model, sh_degree: u32, geometry: [f32; 2]) -> Result<()> {
+        match self.geometry.as_mut().filter(|_| has_terms(geometry)) {
+            Some(pass) => pass.prepare(gpu, model, sh_degree),
+            None => self.chain.prepare(gpu, model, sh_degree),
+        }
     }
 
     /// Kernels of the frame for steps with these weights of the terms of geometry; `None`: as without terms.
@@ -58,8 +66,7 @@ impl Backward {
     }
 
     fn geometry_at(&self, weights: [f32; 2]) -> Option<&GeometryPass> {
-        let has_terms = weights.iter().any(|&weight| weight > 0.0);
-        self.geometry.as_ref().filter(|_| has_terms)
+        self.geometry.as_ref().filter(|_| has_terms(weights))
     }
 
     /// Records the kernels of a step after the frame. With depth bands or parts, gradients of all blocks exist at once,

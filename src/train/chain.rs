@@ -11,17 +11,14 @@ use crate::kernels::project_backward::ProjectBackward;
 use crate::kernels::rasterize::Outputs;
 use crate::kernels::{project_backward, rasterize_backward, surface_loss};
 use crate::layout::PART_END;
-use crate::render::{Block, Forward, Model, Scratch, tile_stride};
+use crate::render::{Block, Forward, Model, ModelKernels, Scratch, tile_stride};
 
 /// Gradients of compositing and of projection, for frames with some outputs.
 #[derive(Debug)]
 pub(crate) struct ChainKernels {
     outputs: Outputs,
     rasterize: rasterize_backward::RasterizeBackward,
-    /// One kernel per SH degree.
-    project: Vec<ProjectBackward>,
-    /// The same for slots in an order of their own; empty until a model has one.
-    indexed: Vec<ProjectBackward>,
+    project: ModelKernels<ProjectBackward>,
 }
 
 /// Kernels of steps with terms of geometry, in place of those without.
@@ -48,10 +45,10 @@ impl GeometryPass {
         }))
     }
 
-    /// Compiles further kernels that steps of `model` need.
-    pub(super) fn prepare(&mut self, gpu: &Gpu, model: &Model) -> Result<()> {
-        self.forward.prepare(gpu, model)?;
-        self.chain.prepare(gpu, model)
+    /// Compiles further kernels that steps of `model` with SH up to `sh_degree` need.
+    pub(super) fn prepare(&mut self, gpu: &Gpu, model: &Model, sh_degree: u32) -> Result<()> {
+        self.forward.prepare(gpu, model, sh_degree)?;
+        self.chain.prepare(gpu, model, sh_degree)
     }
 
     /// Gradient of the terms by the frame's surface.
@@ -85,18 +82,17 @@ impl ChainKernels {
         Ok(ChainKernels {
             outputs,
             rasterize: rasterize_backward::RasterizeBackward::new(gpu, rasterize)?,
-            project: ProjectBackward::of_degrees(gpu, config.sh_degree, false, outputs)?,
-            indexed: Vec::new(),
+            project: ModelKernels::new(),
         })
     }
 
-    /// Compiles further kernels that steps of `model` need. Required before the first of them.
-    pub(super) fn prepare(&mut self, gpu: &Gpu, model: &Model) -> Result<()> {
-        if model.is_indexed() && self.indexed.is_empty() {
-            let highest = self.project.len() as u32 - 1;
-            self.indexed = ProjectBackward::of_degrees(gpu, highest, true, self.outputs)?;
-        }
-        Ok(())
+    /// Compiles further kernels that steps of `model` with SH up to `sh_degree` need. Required before the first of
+    /// them.
+    pub(super) fn prepare(&mut self, gpu: &Gpu, model: &Model, sh_degree: u32) -> Result<()> {
+        let (is_indexed, outputs) = (model.is_indexed(), self.outputs);
+        self.project.prepare(gpu, (model, false), sh_degree, |degree| {
+            ProjectBackward::of_degree(gpu, degree, is_indexed, outputs)
+        })
     }
 
     /// Gradients of every (splat, tile) pair of a band, with the ends of its pixels' lists.
@@ -150,11 +146,7 @@ impl ChainKernels {
         let count = state.model.splat_count;
         let at = state.model.places(&block);
         let splats = at.splats;
-        let kernels = match state.model.is_indexed() {
-            true => &self.indexed,
-            false => &self.project,
-        };
-        let kernel = &kernels[step.sh_degree.min(block.degree) as usize];
+        let kernel = self.project.of(&state.model, false, step.sh_degree.min(block.degree));
         kernel.record(
             rec,
             project_backward::Bindings {

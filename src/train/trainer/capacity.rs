@@ -179,15 +179,13 @@ impl Trainer<'_> {
         self.remake(capacity)
     }
 
-    /// Compiles the kernels for steps from the state's current layout, and allocates gradients for steps in bands.
+    /// Allocates gradients for steps in bands.
     pub(super) fn prepare(&mut self) -> Result<()> {
         let mut cameras = self.dataset.views.iter().map(|view| &view.camera);
         if cameras.any(|camera| self.row_bands(camera).len() > 1) {
             self.state.keep_gradients(&self.gpu)?;
         }
-        let model = &self.state.model;
-        self.forward.prepare(&self.gpu, model)?;
-        self.backward.prepare(&self.gpu, model)
+        Ok(())
     }
 
     /// Checks that the limit allows `wanted` bytes in place of `freed`.

@@ -91,7 +91,19 @@ impl Trainer<'_> {
         row_bands(size, self.config.outputs(), binding).each().collect()
     }
 
+    /// Compiles the kernels that a step needs besides those of earlier ones.
+    fn compile(&mut self, sh_degree: u32, geometry: [f32; 2]) -> Result<()> {
+        let model = &self.state.model;
+        if self.backward.forward(geometry).is_none() {
+            self.forward.prepare(&self.gpu, model, sh_degree)?;
+        }
+        self.backward.prepare(&self.gpu, model, sh_degree, geometry)
+    }
+
     pub(super) fn submit(&mut self, iteration: u32) -> Result<StepInFlight> {
+        let sh_degree = schedule::sh_degree(&self.config, iteration);
+        let geometry = schedule::geometry(&self.config, iteration);
+        self.compile(sh_degree, geometry)?;
         let index = schedule::view(&self.config, self.views.len(), iteration);
         let (dataset, camera) = match &self.coarse {
             Some(Coarse { dataset, .. }) => (dataset, &dataset.views[index].camera),
@@ -110,7 +122,6 @@ impl Trainer<'_> {
         [view.dropout, view.dropout_key] = schedule::dropout(&self.config, iteration);
         let bands = self.row_bands(camera);
         let color = self.colors.push(&self.config, iteration, view.position);
-        let geometry = schedule::geometry(&self.config, iteration);
         let (patches, ignored) = self.patches(index);
         let step = Step {
             config: &self.config,
@@ -126,7 +137,7 @@ impl Trainer<'_> {
             },
             size: view.size,
             part: PART_END,
-            sh_degree: schedule::sh_degree(&self.config, iteration),
+            sh_degree,
             color,
             bands: self.bands,
             window_offset: schedule::window_offset(&self.config, self.views.len(), iteration),
