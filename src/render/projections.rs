@@ -10,13 +10,11 @@ use std::collections::BTreeMap;
 #[derive(Debug)]
 pub(crate) struct ModelKernels<K> {
     /// By [`kind`] and degree.
-    kernels: BTreeMap<(Kind, u32), K>,
+    kernels: BTreeMap<((bool, bool), u32), K>,
 }
 
 /// Whether a model has an order of slots of its own, and whether it is one of instances.
-type Kind = (bool, bool);
-
-fn kind(model: &Model, is_instance: bool) -> Kind {
+fn kind(model: &Model, is_instance: bool) -> (bool, bool) {
     (model.is_indexed(), is_instance)
 }
 
