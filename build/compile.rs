@@ -3,6 +3,7 @@
 //! Not 1.6, whose workgroup sizes from constants (`LocalSizeId`) need the device feature `maintenance4`.
 
 use super::source::{File, Sources};
+use rspirv::spirv::{LoopControl, Op};
 use shaderc::{
     CompileOptions, Compiler, EnvVersion, OptimizationLevel, ResolvedInclude, ShaderKind, SpirvVersion, TargetEnv,
 };
@@ -12,6 +13,16 @@ use std::path::Path;
 /// Optimisation of the embedded modules: a software device then takes about half the time for them. It costs the names
 /// that debuggers show.
 const EMBEDDED: OptimizationLevel = OptimizationLevel::Performance;
+
+/// The attribute of loops that drivers unroll.
+const UNROLL: &str = "[[unroll]]";
+
+/// Stands for it while the module is optimised. The optimiser unrolls loops with that attribute itself, and its copies
+/// of `precise` operations are not decorated with `NoContraction`.
+const UNROLL_LATER: &str = "[[dependency_infinite]]";
+
+/// Words of a SPIR-V module before its first instruction.
+const HEADER_WORDS: usize = 5;
 
 /// One kernel file, compiled.
 pub(crate) struct Compiled {
@@ -29,7 +40,7 @@ pub(crate) fn compile(glsl: &Path, file: &str) -> Result<Compiled, String> {
     let text = read(glsl, file).map_err(|error| format!("{shown}: {error}"))?;
     let included = RefCell::new(Vec::new());
     let compiler = Compiler::new().map_err(|error| error.to_string())?;
-    let run = |level| -> Result<Vec<u32>, String> {
+    let run = |level, unroll: &str| -> Result<Vec<u32>, String> {
         included.borrow_mut().clear();
         let mut options = CompileOptions::new().map_err(|error| error.to_string())?;
         options.set_target_env(TargetEnv::Vulkan, EnvVersion::Vulkan1_3 as u32);
@@ -43,13 +54,16 @@ pub(crate) fn compile(glsl: &Path, file: &str) -> Result<Compiled, String> {
                 return Err(format!("{name} includes itself"));
             }
             included.borrow_mut().push(File::new(&resolved_name, &content));
+            let content = content.replace(UNROLL, unroll);
             Ok(ResolvedInclude { resolved_name, content })
         });
+        let text = text.replace(UNROLL, unroll);
         let result = compiler.compile_into_spirv(&text, ShaderKind::Compute, &shown, "main", Some(&options));
         Ok(result.map_err(|error| error.to_string())?.as_binary().to_vec())
     };
-    let plain = run(OptimizationLevel::Zero)?;
-    let embedded = run(EMBEDDED)?;
+    let plain = run(OptimizationLevel::Zero, UNROLL)?;
+    let mut embedded = run(EMBEDDED, UNROLL_LATER)?;
+    unroll(&mut embedded);
     let mut files = vec![File::new(&shown, &text)];
     files.append(&mut included.borrow_mut());
     Ok(Compiled {
@@ -57,6 +71,22 @@ pub(crate) fn compile(glsl: &Path, file: &str) -> Result<Compiled, String> {
         embedded,
         sources: Sources::new(files),
     })
+}
+
+/// Replaces the loop control of [`UNROLL_LATER`] by that of [`UNROLL`].
+fn unroll(module: &mut [u32]) {
+    let mut rest = module.get_mut(HEADER_WORDS..).unwrap_or_default();
+    while let [first, ..] = rest {
+        let (opcode, words) = (*first & 0xffff, *first >> 16);
+        let (instruction, next) = rest.split_at_mut((words as usize).clamp(1, rest.len()));
+        if let [_, _, _, control, ..] = instruction
+            && opcode == Op::LoopMerge as u32
+            && *control == LoopControl::DEPENDENCY_INFINITE.bits()
+        {
+            *control = LoopControl::UNROLL.bits();
+        }
+        rest = next;
+    }
 }
 
 /// Reads a file below the folder; refuses paths outside it.

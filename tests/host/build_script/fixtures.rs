@@ -5,6 +5,8 @@ use crate::build_script::generator::model::Module;
 use std::path::Path;
 
 pub(crate) const PRELUDE: &str = "#extension GL_EXT_scalar_block_layout : require\n";
+/// For loops to unroll.
+const ATTRIBUTES: &str = "#extension GL_EXT_control_flow_attributes : require\n";
 /// The first five lines of most test kernels; the rest starts at line 6.
 pub(crate) const OPEN: &str = "#version 460
 #include \"shared/prelude.glsl\"
@@ -18,7 +20,7 @@ pub(crate) const MAIN: &str = "void main() { data[0] = 1; }\n";
 pub(crate) fn folder(files: &[(&str, &str)]) -> tempfile::TempDir {
     let dir = tempfile::tempdir().unwrap();
     std::fs::create_dir(dir.path().join("shared")).unwrap();
-    std::fs::write(dir.path().join("shared/prelude.glsl"), PRELUDE).unwrap();
+    std::fs::write(dir.path().join("shared/prelude.glsl"), [PRELUDE, ATTRIBUTES].concat()).unwrap();
     for (name, text) in files {
         std::fs::write(dir.path().join(name), text).unwrap();
     }
@@ -39,6 +41,18 @@ pub(crate) fn build_pair(base: &str, wide: &str) -> Result<Kernel, Vec<String>> 
 pub(crate) fn module(text: &str) -> Module {
     let kernel = build(text).unwrap();
     kernel.variants.first().unwrap().module.clone()
+}
+
+/// The instructions of a SPIR-V module.
+pub(crate) fn instructions(module: &[u32]) -> Vec<&[u32]> {
+    let (_, mut rest) = module.split_at(5);
+    let mut lines = Vec::new();
+    while let Some(first) = rest.first() {
+        let (line, next) = rest.split_at((first >> 16) as usize);
+        lines.push(line);
+        rest = next;
+    }
+    lines
 }
 
 /// The texts of `layout.rs` and `kernels.rs`.

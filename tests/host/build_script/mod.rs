@@ -1,10 +1,11 @@
 //! Tests of the build script: reflection of shaders, and errors with file and line.
 
-use fixtures::{MAIN, OPEN, PRELUDE, assert_contains, build, folder, generate, module};
+use fixtures::{MAIN, OPEN, PRELUDE, assert_contains, build, folder, generate, instructions, module};
 use generator::kernel::group;
 use generator::model::{Bound, Scalar, Type};
 use generator::shader::{Access, Requirement};
 use generator::source::{File, Sources};
+use rspirv::spirv::{Decoration, LoopControl, Op};
 
 #[path = "../../../build/mod.rs"]
 #[allow(
@@ -127,6 +128,38 @@ void main() {{ data[0] = uint(SCALE) + uint(BIAS); }}\n"
             "#[derive(Clone, Copy, Debug, PartialEq)]\n    pub struct Spec",
         ],
     );
+}
+
+#[test]
+fn optimised_modules_keep_precise_operations_and_loops_to_unroll() {
+    let kernel = build(&format!(
+        "{OPEN}layout(set = 0, binding = 1, scalar) buffer Sums {{ float sums[]; }};
+float product(float a, float b) {{
+    precise float c = a * b;
+    return c;
+}}
+void main() {{
+    precise float sum = 0.0;
+    [[unroll]] for (uint i = 0; i < 4; ++i) sum += product(sums[i], sums[i + 4]);
+    sums[data[0]] = sum;
+}}\n"
+    ))
+    .unwrap();
+    let spirv = &kernel.variants.first().unwrap().spirv;
+    let (mut sums, mut exact, mut hints) = (Vec::new(), Vec::new(), Vec::new());
+    for line in instructions(spirv) {
+        match Op::from_u32(line[0] & 0xffff) {
+            Some(Op::FMul | Op::FAdd) => sums.push(line[2]),
+            Some(Op::Decorate) if line[2] == Decoration::NoContraction as u32 => exact.push(line[1]),
+            Some(Op::LoopMerge) => hints.push(line[3]),
+            _ => {}
+        }
+    }
+    sums.sort_unstable();
+    exact.sort_unstable();
+    assert_eq!(sums, exact);
+    assert_eq!(sums.len(), 2);
+    assert_eq!(hints, [LoopControl::UNROLL.bits()]);
 }
 
 #[test]
