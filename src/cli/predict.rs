@@ -161,6 +161,7 @@ impl PredictArgs {
             image: SIZE,
             binding: limits.step_binding(config),
             photos: Residency::default(),
+            reloads: config.reloads(),
             patches: 0,
             pose_view: None,
         };

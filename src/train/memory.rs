@@ -76,6 +76,8 @@ pub struct TrainSize {
     pub binding: u64,
     /// Placement of the photographs.
     pub photos: Residency,
+    /// Whether photographs are replaced by larger ones during the run.
+    pub reloads: bool,
     /// Most patches of a photograph; 0 unless the run ignores transients.
     pub patches: usize,
     /// Width and height of the largest view drawn to refine poses, pixels, if the run does.
@@ -112,6 +114,7 @@ impl TrainSize {
             },
             pose_view: config.refine_poses.then(|| pose_view(sizes.clone())).flatten(),
             photos: Residency::of(sizes, config.photo_share, limits.memory),
+            reloads: config.reloads(),
         }
     }
 
@@ -191,8 +194,11 @@ impl TrainSize {
         let [width, height] = bands.drawn();
         let capacity = Capacity::for_image(self.splats, isects, width, height);
         let state = DeviceState::needs(self.counts());
-        // Allocated when the photographs have been transferred.
-        let later = total(&state) + total(&Gradients::needs(capacity, self.outputs));
+        // Allocated when the first photographs have been transferred.
+        let later = match self.reloads {
+            true => 0,
+            false => total(&state) + total(&Gradients::needs(capacity, self.outputs)),
+        };
         let mut needs = photo_needs(self.photos, self.splats, self.patches * bands.count() as usize, later);
         needs.extend(state);
         if bands.count() > 1 {
@@ -221,6 +227,11 @@ impl TrainSize {
 }
 
 impl TrainConfig {
+    /// Whether photographs are replaced by larger ones during the run.
+    pub fn reloads(&self) -> bool {
+        schedule::halvings(self, 0) > 0
+    }
+
     /// The same run with [`TrainConfig::band_pixels`] such that it fits into a device's memory: as it is if it fits in
     /// whole photographs, if no bands fit, or if that is set already.
     pub fn within(self, dataset: &Dataset, limits: BufferLimits) -> TrainConfig {

@@ -79,16 +79,28 @@ pub(crate) struct Bound {
 }
 
 impl Photos {
+    /// No photographs.
+    pub(crate) fn none() -> Photos {
+        Photos {
+            entries: Vec::new(),
+            cache: PhotoCache::new(&Dataset::default(), 0),
+            ring: Vec::new(),
+            next: 0,
+        }
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.entries.is_empty()
+    }
+
     /// Decodes the views' photographs in parallel and uploads those that fit into `share` of the device's memory.
     pub(crate) fn new(gpu: &Gpu, dataset: &Dataset, views: &[usize], in_flight: usize, share: f32) -> Result<Photos> {
         let cache = PhotoCache::new(dataset, HOST_BUDGET);
         cache.load_all(dataset, views)?;
         let budget = (gpu.memory_limit() as f64 * f64::from(share)) as u64;
         let mut photos = Photos {
-            entries: Vec::new(),
             cache,
-            ring: Vec::new(),
-            next: 0,
+            ..Photos::none()
         };
         let mut residency = Residency::default();
         for &view in views {

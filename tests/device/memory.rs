@@ -21,10 +21,14 @@ const UNLIMITED: BufferLimits = BufferLimits {
 const ROUNDING: u64 = 256;
 
 fn dataset(points: usize) -> Dataset {
+    dataset_of(points, [160, 120])
+}
+
+fn dataset_of(points: usize, [width, height]: [u32; 2]) -> Dataset {
     scene(Kind::Demo).dataset(&SynthOptions {
         views: 12,
-        width: 160,
-        height: 120,
+        width,
+        height,
         samples: 1,
         points,
         ..SynthOptions::default()
@@ -158,6 +162,15 @@ fn training_takes_what_the_formula_says() {
     }
 }
 
+/// The device never holds photographs of two sizes.
+#[test]
+fn training_from_coarse_to_fine_takes_what_the_formula_says() {
+    let gpu = crate::common::device::gpu();
+    let mut config = TrainConfig::for_iterations(4);
+    config.coarse_until = 2;
+    compare(&gpu, &dataset_of(1_000, [640, 480]), &config, false);
+}
+
 /// After lowering degrees during a run, memory is that of the formula for the new degrees.
 #[test]
 fn memory_falls_with_the_degrees() {
@@ -260,6 +273,7 @@ fn training_takes_little_beside_what_it_cannot_do_without() {
             image,
             binding: u64::MAX,
             photos: Residency::of(sizes, 1.0, u64::MAX),
+            reloads: false,
             patches: 0,
             pose_view: None,
         };

@@ -69,10 +69,12 @@ impl Trainer<'_> {
         schedule::halvings(&self.config, self.iteration)
     }
 
-    /// Changes to larger photographs when due. A step that did not fit is repeated first.
+    /// Changes to larger photographs when due, and loads them where that has failed. A step that did not fit is repeated
+    /// first.
     pub(super) fn enlarge(&mut self) -> Result<()> {
         let halvings = |coarse: &Coarse| coarse.halvings;
-        if self.coarse.as_ref().map_or(0, halvings) != self.halvings() && self.drain()? {
+        let is_due = self.photos.is_empty() || self.coarse.as_ref().map_or(0, halvings) != self.halvings();
+        if is_due && self.drain()? {
             self.reload(self.views.clone())?;
         }
         Ok(())
@@ -80,6 +82,9 @@ impl Trainer<'_> {
 
     /// Trains on the photographs of these views from now on. No step may be in flight.
     pub(super) fn reload(&mut self, views: Vec<usize>) -> Result<()> {
+        // Memory never holds both.
+        self.frames.release()?;
+        self.photos = Photos::none();
         (self.coarse, self.photos) = begin(&self.gpu, self.dataset, &views, &self.config, self.halvings())?;
         self.views = views;
         Ok(())
