@@ -194,9 +194,9 @@ impl TrainSize {
         let [width, height] = bands.drawn();
         let capacity = Capacity::for_image(self.splats, isects, width, height);
         let state = DeviceState::needs(self.counts());
-        // Allocated when the first photographs have been transferred.
+        // Allocated when photographs have been transferred: after a change, the staging of streamed ones.
         let later = match self.reloads {
-            true => 0,
+            true => (IN_FLIGHT * self.photos.streamed_max_bytes) as u64,
             false => total(&state) + total(&Gradients::needs(capacity, self.outputs)),
         };
         let mut needs = photo_needs(self.photos, self.splats, self.patches * bands.count() as usize, later);
