@@ -69,8 +69,8 @@ impl Trainer<'_> {
         schedule::halvings(&self.config, self.iteration)
     }
 
-    /// Changes to larger photographs when due, and loads them where that has failed. A step that did not fit is repeated
-    /// first.
+    /// Changes to larger photographs when due, and loads them where that has failed. A step that did not fit is
+    /// repeated first.
     pub(super) fn enlarge(&mut self) -> Result<()> {
         let halvings = |coarse: &Coarse| coarse.halvings;
         let is_due = self.photos.is_empty() || self.coarse.as_ref().map_or(0, halvings) != self.halvings();
