@@ -5,8 +5,9 @@ use crate::common::scenes::{self, Scene};
 use crate::gradients::{BEGUN, config, dataset};
 use ashfall::gpu::Gpu;
 use ashfall::lab::synth::{Kind, SynthOptions};
-use ashfall::scene::{Dataset, PhotoSource};
+use ashfall::scene::{Dataset, PhotoSource, Split};
 use ashfall::train::{HostState, StepReport, TrainConfig, Trainer, initial_splats};
+use std::path::Path;
 
 /// State and reports after some steps; `tiny` lists steps and the intersection capacity set before each.
 fn train(gpu: &Gpu, scene: &Scene, steps: u32, tiny: &[(u32, usize)]) -> (HostState, Vec<StepReport>) {
@@ -112,6 +113,54 @@ fn first_steps_see_photographs_of_half_the_size() {
         resumed.step().unwrap();
     }
     assert!(resumed.download().unwrap() == turned);
+}
+
+/// The data set with its photographs in files of a folder.
+fn in_files(dataset: &Dataset, folder: &Path) -> Dataset {
+    let mut dataset = dataset.clone();
+    for view in &mut dataset.views {
+        let photo = ashfall::io::photo::load(view).unwrap();
+        let path = folder.join(&view.name).with_extension("png");
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        let bytes = photo.rgba.as_flattened();
+        image::save_buffer(&path, bytes, photo.width, photo.height, image::ColorType::Rgba8).unwrap();
+        view.photo = PhotoSource::File {
+            path,
+            optics: None,
+            orientation: 1,
+            mask: None,
+            vignetting: None,
+        };
+    }
+    dataset
+}
+
+#[test]
+fn a_photograph_missing_at_the_change_of_sizes_is_an_error_until_it_is_back() {
+    let gpu = device::gpu();
+    let folder = tempfile::tempdir().unwrap();
+    let dataset = in_files(&four_views(), folder.path());
+    let PhotoSource::File { path, .. } = &dataset.views[dataset.split(Split::Train)[0]].photo else {
+        panic!("its photographs are in files");
+    };
+    let away = path.with_extension("away");
+    let train = |is_missing: bool| {
+        let mut trainer = Trainer::new(&gpu, &dataset, half_size(6)).unwrap();
+        while !trainer.is_done() {
+            if is_missing && trainer.iteration() == 6 {
+                std::fs::rename(path, &away).unwrap();
+                for _ in 0..2 {
+                    let error = trainer.step().unwrap_err().to_string();
+                    assert!(error.contains(path.to_str().unwrap()), "{error}");
+                }
+                std::fs::rename(&away, path).unwrap();
+            }
+            trainer.step().unwrap();
+        }
+        trainer.finish().unwrap();
+        trainer.download().unwrap()
+    };
+    assert!(train(true) == train(false));
 }
 
 #[test]
