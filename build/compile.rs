@@ -3,7 +3,9 @@
 //! Not 1.6, whose workgroup sizes from constants (`LocalSizeId`) need the device feature `maintenance4`.
 
 use super::source::{File, Sources};
-use rspirv::spirv::{LoopControl, Op};
+use rspirv::binary::Assemble;
+use rspirv::dr::{Operand, load_words};
+use rspirv::spirv::LoopControl;
 use shaderc::{
     CompileOptions, Compiler, EnvVersion, OptimizationLevel, ResolvedInclude, ShaderKind, SpirvVersion, TargetEnv,
 };
@@ -20,9 +22,6 @@ const UNROLL: &str = "[[unroll]]";
 /// Stands for it while the module is optimised. The optimiser unrolls loops with that attribute itself, and its copies
 /// of `precise` operations are not decorated with `NoContraction`.
 const UNROLL_LATER: &str = "[[dependency_infinite]]";
-
-/// Words of a SPIR-V module before its first instruction.
-const HEADER_WORDS: usize = 5;
 
 /// One kernel file, compiled.
 pub(crate) struct Compiled {
@@ -62,8 +61,7 @@ pub(crate) fn compile(glsl: &Path, file: &str) -> Result<Compiled, String> {
         Ok(result.map_err(|error| error.to_string())?.as_binary().to_vec())
     };
     let plain = run(OptimizationLevel::Zero, UNROLL)?;
-    let mut embedded = run(EMBEDDED, UNROLL_LATER)?;
-    unroll(&mut embedded);
+    let embedded = unrolled(&run(EMBEDDED, UNROLL_LATER)?)?;
     let mut files = vec![File::new(&shown, &text)];
     files.append(&mut included.borrow_mut());
     Ok(Compiled {
@@ -73,20 +71,16 @@ pub(crate) fn compile(glsl: &Path, file: &str) -> Result<Compiled, String> {
     })
 }
 
-/// Replaces the loop control of [`UNROLL_LATER`] by that of [`UNROLL`].
-fn unroll(module: &mut [u32]) {
-    let mut rest = module.get_mut(HEADER_WORDS..).unwrap_or_default();
-    while let [first, ..] = rest {
-        let (opcode, words) = (*first & 0xffff, *first >> 16);
-        let (instruction, next) = rest.split_at_mut((words as usize).clamp(1, rest.len()));
-        if let [_, _, _, control, ..] = instruction
-            && opcode == Op::LoopMerge as u32
-            && *control == LoopControl::DEPENDENCY_INFINITE.bits()
-        {
-            *control = LoopControl::UNROLL.bits();
+/// The module with the loop control of [`UNROLL_LATER`] replaced by that of [`UNROLL`].
+fn unrolled(words: &[u32]) -> Result<Vec<u32>, String> {
+    let mut module = load_words(words).map_err(|error| error.to_string())?;
+    let operands = module.all_inst_iter_mut().flat_map(|line| &mut line.operands);
+    for operand in operands {
+        if *operand == Operand::LoopControl(LoopControl::DEPENDENCY_INFINITE) {
+            *operand = Operand::LoopControl(LoopControl::UNROLL);
         }
-        rest = next;
     }
+    Ok(module.assemble())
 }
 
 /// Reads a file below the folder; refuses paths outside it.
