@@ -156,6 +156,9 @@ constants! {
         /// Standard deviation in mean distances to the three nearest points: 1 (3DGS), 0.1 (MCMC in runs of 15,000 or
         /// more).
         scale_factor: f32 = 1.0, 1e-6..=1e6;
+        /// Least standard deviation across the plane of a point's neighbours, in that along it: 0.1; 1 makes splats
+        /// round (3DGS). Splats are as flat as the neighbours of their points, within it.
+        thickness: f32 = 0.1, 1e-3..=1.0;
         /// Smallest and largest standard deviation in scene extents: points in one place have no spacing, and a lone
         /// point far outside would cover every picture.
         scale_range: [f64; 2] = [1e-5, 0.1], 1e-9..=1e3;

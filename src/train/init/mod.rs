@@ -9,12 +9,12 @@ use super::config::TrainConfig;
 use super::knn::mean_neighbor_distance;
 use super::rng::{self, Stream};
 use super::sky::{SkyShell, add_sky};
-use crate::scene::{Dataset, PhotoSource, Point, Primitive, SH_C0, Splats, Split, logit, sh_coefficient_count};
+use crate::scene::{Dataset, PhotoSource, Point, SH_C0, Splats, Split, logit, sh_coefficient_count};
 use crate::{Error, Result};
 
 pub use frusta::points_in_frusta;
 use sweep::points_by_sweep;
-use tangent::tangent_rotations;
+use tangent::{LocalPlane, local_planes};
 
 /// First splats of a data set: from its points or, if none is finite and not culled, from random ones inside its
 /// cameras' frusta; and those of the sky, if it is asked for. `extent` is the scene extent in world units.
@@ -63,20 +63,23 @@ fn scene_splats(dataset: &Dataset, training: &[usize], extent: f64, config: &Tra
     Ok(splats_from_points(&points, extent, config))
 }
 
-/// One splat per point, or per point of a random subset if there are more than the splat limit. All points must be
-/// finite.
+/// One splat per point, as flat as the point's neighbours, or per point of a random subset if there are more than the
+/// splat limit. All points must be finite.
 pub fn splats_from_points(points: &[Point], extent: f64, config: &TrainConfig) -> Splats {
     let points = subsample(points, config.splat_limit(), config.seed);
     let positions: Vec<[f32; 3]> = points.iter().map(|p| p.position.map(|x| x as f32)).collect();
     let factor = f64::from(config.init.scale_factor);
-    let log_scale = |distance: &f64| {
+    let planes = local_planes(&positions);
+    let log_scale = |(distance, plane): (&f64, &LocalPlane)| {
         let spacing = if *distance > 0.0 {
             *distance
         } else {
             config.init.lone_scale * extent
         };
         let [least, most] = config.init.scale_range.map(|share| share * extent);
-        [(spacing * factor).clamp(least, most).ln() as f32; 3]
+        let along = (spacing * factor).clamp(least, most);
+        let across = along * plane.thickness.max(f64::from(config.init.thickness));
+        [along, along, across.max(least)].map(|scale| scale.ln() as f32)
     };
     let stride = sh_coefficient_count(config.sh_degree) * 3;
     let mut sh = vec![0.0; points.len() * stride];
@@ -85,13 +88,10 @@ pub fn splats_from_points(points: &[Point], extent: f64, config: &TrainConfig) -
             *constant = (color - 0.5) / SH_C0;
         }
     }
-    let quaternion = match config.kind {
-        Primitive::Gaussian3d => vec![[1.0, 0.0, 0.0, 0.0]; points.len()],
-        Primitive::Surfel => tangent_rotations(&positions),
-    };
+    let distances = mean_neighbor_distance(&positions);
     let mut splats = Splats {
-        log_scale: mean_neighbor_distance(&positions).iter().map(log_scale).collect(),
-        quaternion,
+        log_scale: distances.iter().zip(&planes).map(log_scale).collect(),
+        quaternion: planes.iter().map(|plane| plane.rotation).collect(),
         opacity_logit: vec![logit(f64::from(config.init.opacity)) as f32; points.len()],
         mean: positions,
         sh,
