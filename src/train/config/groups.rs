@@ -157,7 +157,7 @@ constants! {
         /// more).
         scale_factor: f32 = 1.0, 1e-6..=1e6;
         /// Least standard deviation across the plane of a point's neighbours, in that along it: 0.1; 1 makes splats
-        /// round (3DGS). Splats are as flat as the neighbours of their points, within it.
+        /// round (3DGS). Above it, splats are as flat as the neighbours of their points.
         thickness: f32 = 0.1, 1e-3..=1.0;
         /// Smallest and largest standard deviation in scene extents: points in one place have no spacing, and a lone
         /// point far outside would cover every picture.
