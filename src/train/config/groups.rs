@@ -151,8 +151,8 @@ constants! {
 constants! {
     /// First splats of a run.
     InitConfig as "init" {
-        /// Opacity: 0.1 (3DGS), 0.5 (MCMC).
-        opacity: f32 = 0.1, 1e-6..=BELOW_ONE;
+        /// Opacity: 0.3, and 0.5 with MCMC; 3DGS has 0.1.
+        opacity: f32 = 0.3, 1e-6..=BELOW_ONE;
         /// Standard deviation in mean distances to the three nearest points: 1 (3DGS), 0.1 (MCMC in runs of 15,000 or
         /// more).
         scale_factor: f32 = 1.0, 1e-6..=1e6;

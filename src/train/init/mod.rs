@@ -137,11 +137,35 @@ mod tests {
         let square = points(&[[0.0; 3], [3.0, 0.0, 0.0], [0.0, 3.0, 0.0], [0.0, 0.0, 3.0]]);
         let splats = splats_from_points(&square, 1e3, &config());
         assert!((splats.log_scale[0][1] - 3.0_f32.ln()).abs() < 1e-6);
-        assert!((splats.opacity_logit[0] - logit(0.1) as f32).abs() < 1e-6);
+        assert!((splats.opacity_logit[0] - logit(0.3) as f32).abs() < 1e-6);
         assert_eq!(splats.sh_degree, 3);
         assert_eq!(splats.sh.len(), 4 * 48);
         assert_eq!(splats.sh[48], 0.0);
         assert!((0.5 + SH_C0 * splats.sh[49] - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_splat_is_as_thin_as_its_neighbourhood_and_no_thinner_than_set() {
+        // Two layers of a lattice with a spacing of 1.
+        let layers = |apart: f32| -> Vec<[f32; 3]> {
+            let place = |i: u32| [(i % 5) as f32, (i / 5 % 5) as f32, apart * (i / 25) as f32];
+            (0..50).map(place).collect()
+        };
+        let thickness = |apart: f32, least: f32| {
+            let mut config = config();
+            config.init.thickness = least;
+            let splats = splats_from_points(&points(&layers(apart)), 1e3, &config);
+            // The middle of the lower layer.
+            let [along, other, across] = splats.log_scale[12];
+            assert_eq!(along, other);
+            (across - along).exp()
+        };
+        assert!((thickness(0.0, 0.25) - 0.25).abs() < 1e-6);
+        // Of the twelve neighbours five lie in the other layer; the squares along either axis of the layer sum to 7.
+        let own = (5.0 * 0.3_f32.powi(2) / 7.0).sqrt();
+        assert!((thickness(0.3, 0.1) - own).abs() < 1e-4, "{}", thickness(0.3, 0.1));
+        assert!((thickness(0.3, 0.5) - 0.5).abs() < 1e-6);
+        assert!((thickness(0.3, 1.0) - 1.0).abs() < 1e-6);
     }
 
     #[test]
