@@ -56,7 +56,7 @@ fn refined_states_equal_those_of_the_host() {
         config.refine.from = 1;
         config.refine.every = LAST;
         config.adc.opacity_reset_every = LAST;
-        config.adc.prune_opacity = 0.09;
+        config.adc.prune_opacity = 0.9 * config.init.opacity;
         let mut without = config.clone();
         without.refine.every = 2 * LAST;
         without.adc.opacity_reset_every = 2 * LAST;

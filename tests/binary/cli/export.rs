@@ -10,8 +10,10 @@ const ENDS: [&str; 6] = ["ply", "compressed.ply", "splat", "spz", "sog", "glb"];
 fn every_format_is_written_and_read() {
     let folder = folder();
     let out = folder.path().join("run");
-    // With dropout, spz with cameras is 1 dB below plain rounding at 50 dB on this scene.
-    stdout(&train(word(data()), word(&out), &["--set", "drop_rate=0"]));
+    // Of nine training views, directions in between are few: spz with cameras is 1 dB below plain rounding at 50 dB on
+    // scenes trained with dropout, and 0.55 dB on those of a first opacity of 0.3.
+    let set = ["--set", "drop_rate=0", "--set", "init.opacity=0.1"];
+    stdout(&train(word(data()), word(&out), &set));
     let scene = out.join("scene.ply");
     let source = json(&stdout(&["info", word(&scene), "--json"]));
     for end in ENDS {
