@@ -5,6 +5,8 @@ TESTED = --features capi,window
 PREFIX ?= /usr/local
 # Modules with half of the time of the device's tests.
 HALF = simplify:: stability:: faults::
+# Unit tests: without optimisation, which would take longer than it saves. Other tests share an optimised library.
+UNIT = cargo test $(TESTED) --lib --config profile.dev.package.ashfall.opt-level=0
 
 .PHONY: demo check test lints capi package examples needs bench bench-native soak fuzz clients limits setup
 
@@ -14,18 +16,19 @@ demo: setup
 
 # For every change, in minutes: format, lints, the engine by itself, tests without a device, kernels and frames.
 check: setup lints
-	cargo test $(TESTED) --lib --test host
+	$(UNIT)
+	cargo test $(TESTED) --test host
 	cargo test $(TESTED) --test device -- kernels:: frame::
 
 # For every merge: all tests, those of documentation, and frames on a lesser device. Tests of the device take turns in
-# their process; two processes with half of them each keep two cores busy. The examples come after the build of the
-# tests, which compiles the library with and without its tests at the same time.
+# their process; two processes with half of them each keep two cores busy. Unit tests are built beside them.
 test: setup lints
-	cargo test $(TESTED) --no-run
+	cargo test $(TESTED) --no-run --test '*'
 	$(MAKE) examples
 	cargo test $(TESTED) --test device -- $(HALF) >target/device-1.log 2>&1 & first=$$!; \
 	cargo test $(TESTED) --test device -- $(HALF:%=--skip %) >target/device-2.log 2>&1 & second=$$!; \
-	cargo test $(TESTED) --lib --test host --test binary --test slow; failed=$$?; \
+	cargo test $(TESTED) --test host --test binary --test slow; failed=$$?; \
+	$(UNIT) || failed=1; \
 	ASHFALL_TEST_LIMITS=$(LESSER_PICTURES) cargo test $(TESTED) --test device -- frame:: large:: || failed=1; \
 	wait $$first || failed=1; wait $$second || failed=1; \
 	cat target/device-1.log target/device-2.log; exit $$failed
