@@ -15,7 +15,7 @@ use crate::io::LoadedSplats;
 use crate::io::dataset::Reconstruction;
 use crate::io::splats::readable;
 use crate::render::{Blocks, Slots};
-use crate::scene::{Dataset, Split};
+use crate::scene::{Dataset, PhotoSource, Split, View};
 use crate::simplify::for_auto_count;
 use crate::train::BufferLimits;
 use crate::train::exposure::TrackColors;
@@ -76,6 +76,10 @@ pub(super) fn run(args: &InfoArgs) -> Result<Outcome> {
             let mut opened = args.options.open(path, false)?;
             let found = check_capture(path, &opened)?;
             opened.warnings.extend(found);
+            if let Some(warning) = absent_photos(path, &opened) {
+                eprintln!("warning: {warning}");
+                opened.warnings.push(warning);
+            }
             let (mut text, mut value) = dataset(&opened)?;
             if let Some(other) = &args.cameras {
                 let (line, compared) = CameraPairs::read(&opened, &args.options, other)?.describe();
@@ -107,6 +111,20 @@ fn predict(args: &InfoArgs) -> Result<Outcome> {
     };
     Output { json: args.json }.result(prediction.table(limit), || prediction.value());
     Ok(Outcome::Done)
+}
+
+/// Number of views without their photograph, and the first of them.
+fn absent_photos(path: &Path, dataset: &Dataset) -> Option<String> {
+    let is_absent = |view: &&View| matches!(view.photo, PhotoSource::Absent);
+    let absent: Vec<&View> = dataset.views.iter().filter(is_absent).collect();
+    let first = absent.first()?;
+    Some(format!(
+        "{}: {} of {} photographs are missing, the first is {}",
+        path.display(),
+        absent.len(),
+        dataset.views.len(),
+        first.name
+    ))
 }
 
 fn is_scene(path: &Path) -> bool {

@@ -177,6 +177,7 @@ fn info_describes_devices_and_data_sets() {
     assert_eq!((&found["views"], &found["test_views"]), (&12.into(), &2.into()));
     assert_eq!(found["points"], 300);
     assert_eq!(found["sizes"], json("[[23, 17]]"));
+    assert!(!found["warnings"].to_string().contains("missing"), "{found}");
 }
 
 #[test]
@@ -213,6 +214,8 @@ fn photographs_are_found_in_the_data_set_and_else_in_the_working_directory() {
     };
     let judged = || status(&["eval", word(&scene), word(&bare), "--images", "data"]);
     assert_eq!(begun("photos"), Some(1));
+    let told = json(&stdout(&["info", word(&bare), "--images", "photos", "--json"]))["warnings"].to_string();
+    assert!(told.contains("12 of 12 photographs are missing"), "{told}");
     assert_eq!(begun("data"), Some(0));
     assert_eq!(judged(), Some(0));
     // The data set's own folder comes first, even an empty one.
