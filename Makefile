@@ -21,17 +21,15 @@ check: setup lints
 	cargo test $(TESTED) --test device -- kernels:: frame::
 
 # For every merge: all tests, those of documentation, and frames on a lesser device. Tests of the device take turns in
-# their process; two processes with half of them each keep two cores busy. Unit tests are built beside them.
+# their process; two processes with half of them each keep two cores busy. Unit tests are built after one of them.
 test: setup lints
-	cargo test $(TESTED) --no-run --test '*'
+	cargo test $(TESTED) --no-run --test '*' --examples
 	$(MAKE) examples
-	cargo test $(TESTED) --test device -- $(HALF) >target/device-1.log 2>&1 & first=$$!; \
-	cargo test $(TESTED) --test device -- $(HALF:%=--skip %) >target/device-2.log 2>&1 & second=$$!; \
+	{ cargo test $(TESTED) --test device -- $(HALF) && $(UNIT); } >target/tests-1.log 2>&1 & first=$$!; \
+	{ cargo test $(TESTED) --test device -- $(HALF:%=--skip %) && $(LESSER_FRAMES); } >target/tests-2.log 2>&1 & second=$$!; \
 	cargo test $(TESTED) --test host --test binary --test slow; failed=$$?; \
-	$(UNIT) || failed=1; \
-	ASHFALL_TEST_LIMITS=$(LESSER_PICTURES) cargo test $(TESTED) --test device -- frame:: large:: || failed=1; \
 	wait $$first || failed=1; wait $$second || failed=1; \
-	cat target/device-1.log target/device-2.log; exit $$failed
+	cat target/tests-1.log target/tests-2.log; exit $$failed
 	cargo test $(TESTED) --doc
 
 # The programs of `examples`, run; pictures go to out/examples.
@@ -77,6 +75,7 @@ setup:
 # workgroups of 64 and no subgroup operations; for tests of small pictures, 4 MiB to a binding.
 LESSER = binding=67108864,memory=1073741824,workgroup=64,subgroups=off
 LESSER_PICTURES = binding=4194304,memory=268435456,workgroup=64,subgroups=off
+LESSER_FRAMES = ASHFALL_TEST_LIMITS=$(LESSER_PICTURES) cargo test $(TESTED) --test device -- frame:: large::
 
 # A second software device, of Debian's package chromium-common: subgroups of 4, and functions no more exact than Vulkan
 # demands.
