@@ -23,7 +23,8 @@ check: setup lints
 # For every merge: all tests, those of documentation, and frames on a lesser device. Tests of the device take turns in
 # their process; two processes with half of them each keep two cores busy. Unit tests are built after one of them.
 test: setup lints
-	cargo test $(TESTED) --no-run --test '*' --examples
+	cargo test $(TESTED) --no-run --test '*'
+	cargo build $(TESTED) --examples
 	$(MAKE) examples
 	{ cargo test $(TESTED) --test device -- $(HALF) && $(UNIT); } >target/tests-1.log 2>&1 & first=$$!; \
 	{ cargo test $(TESTED) --test device -- $(HALF:%=--skip %) && $(LESSER_FRAMES); } >target/tests-2.log 2>&1 & second=$$!; \
