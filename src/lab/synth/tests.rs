@@ -208,7 +208,7 @@ fn points_lie_on_surfaces_and_have_their_colours() {
         let (scene, mut options) = small(kind);
         if matches!(kind, Kind::Intricate | Kind::Foliage | Kind::Facade | Kind::Cage) {
             // Scales of detail below a pixel have no colour there.
-            (options.views, options.width, options.height) = (4, 192, 144);
+            (options.width, options.height, options.samples) = (192, 144, 2);
         }
         let data = scene.dataset(&options);
         assert_eq!(data.points.len(), options.points);
