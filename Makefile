@@ -21,7 +21,8 @@ check: setup lints
 	cargo test $(TESTED) --test device -- kernels:: frame::
 
 # For every merge: all tests, those of documentation, and frames on a lesser device. Tests of the device take turns in
-# their process; two processes with half of them each keep two cores busy. Unit tests are built after one of them.
+# their process; two processes with half of them each keep two cores busy. Unit tests, a build of their own, follow one
+# half, frames on a lesser device the other.
 test: setup lints
 	cargo test $(TESTED) --no-run --test '*'
 	cargo build $(TESTED) --examples
