@@ -25,8 +25,9 @@ use std::path::PathBuf;
 
 /// Write a triangle mesh of a scene's surface
 ///
-/// Depths of the data set's views are fused to a volume of signed distances around the surface, whose zero is the mesh.
-/// Where no two views saw anything the mesh is open. Small pieces are left out. Colours are fitted to the views.
+/// Depths of the data set's views are moved so that their pictures agree, and fused to a volume of signed distances
+/// around the surface, whose zero is the mesh. Where no two views saw anything the mesh is open. Small pieces are left
+/// out. Colours are fitted to the views.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct MeshArgs {
@@ -57,6 +58,9 @@ pub(super) struct MeshArgs {
     /// mean of all, between surfaces at borders; means: that of the splats' means, for comparison
     #[arg(long, value_name = "DEPTH", default_value = "interquartile")]
     depth: DepthArg,
+    /// Leave depths as the splats have them, not moved so that the views' pictures agree
+    #[arg(long)]
+    unaligned: bool,
     /// Views to fuse
     #[arg(long, value_name = "SPLIT", default_value = "all")]
     split: SplitArg,
@@ -121,7 +125,7 @@ pub(super) fn run(args: &MeshArgs) -> Result<Outcome> {
         let camera = &dataset.views[views[view]].camera;
         draw(camera, [0.0; 3]).map(|picture| map_of(camera, &picture, args.depth))
     });
-    let bar = output.bar(4 * views.len() as u64, "views");
+    let bar = output.bar(6 * views.len() as u64, "views");
     let fused = mesh(args, (&bar, &interrupt), (&mut maps, views.len(), near(&dataset)));
     bar.finish_and_clear();
     let fused = match fused {
@@ -155,10 +159,15 @@ fn mesh(
             false => Ok(()),
         }
     };
+    let mut before = 3;
+    if !args.unaligned {
+        before += 2;
+        maps.align(advance)?;
+    }
     let (mut mesh, report) = fuse(&options, maps, |phase, _| {
         if let FusionPhase::Add(_, slabs) = phase {
             let passes = if args.closed { 2 } else { 1 };
-            bar.set_length((3 + passes * slabs as u64) * count as u64);
+            bar.set_length((before + passes * slabs as u64) * count as u64);
         }
         advance()
     })?;

@@ -61,6 +61,40 @@ impl DepthMap {
         12 * pixels as u64
     }
 
+    /// The map at a whole fraction of its size that takes at most so many bytes, with mean colours and the depths in the
+    /// middle; `None` if the map itself does.
+    pub(super) fn reduced_to(&self, bytes: u64) -> Option<DepthMap> {
+        let (width, height) = (self.camera.width as usize, self.camera.height as usize);
+        let excess = DepthMap::bytes(width * height) as f64 / bytes as f64;
+        if excess <= 1.0 {
+            return None;
+        }
+        let by = (excess.sqrt().ceil() as usize).min(width).min(height);
+        let (columns, rows) = (width / by, height / by);
+        let first = |pixel: usize| (pixel / columns * by) * width + pixel % columns * by;
+        let middle = |pixel: usize| first(pixel) + by / 2 * (width + 1);
+        let mean = |pixel: usize| {
+            let block = (0..by * by).map(|i| self.color[first(pixel) + i / by * width + i % by]);
+            let sums = block.fold([0; 4], |sum: [u32; 4], color| {
+                [0, 1, 2, 3].map(|i| sum[i] + u32::from(color[i]))
+            });
+            sums.map(|sum| (sum as f32 / (by * by) as f32).round() as u8)
+        };
+        let of = |values: &[f32]| (0..columns * rows).map(|pixel| values[middle(pixel)]).collect();
+        Some(DepthMap {
+            camera: Camera {
+                width: columns as u32,
+                height: rows as u32,
+                focal: self.camera.focal / by as f64,
+                center: self.camera.center / by as f64,
+                ..self.camera
+            },
+            depth: of(&self.depth),
+            slope: of(&self.slope),
+            color: (0..columns * rows).map(mean).collect(),
+        })
+    }
+
     /// Removes depths that are no number or not in front, are farther than `FAR` times the median of all maps, or are
     /// seen at too low an angle.
     pub(super) fn limit(&mut self, median: f32) {

@@ -1,5 +1,6 @@
 //! Depth maps of a data set's views.
 
+use super::align::{DepthCorrection, align};
 use super::depth_map::DepthMap;
 use crate::Result;
 
@@ -11,6 +12,8 @@ pub struct DepthMaps<'a> {
     draw: Box<dyn FnMut(usize) -> Result<DepthMap> + 'a>,
     kept: Vec<Option<DepthMap>>,
     room: u64,
+    /// By view; empty without an alignment.
+    corrections: Vec<DepthCorrection>,
     /// Median of all depths; infinite before it is known.
     depth_median: f32,
 }
@@ -22,6 +25,7 @@ impl<'a> DepthMaps<'a> {
             draw: Box::new(draw),
             kept: vec![None; count],
             room: MEMORY,
+            corrections: Vec::new(),
             depth_median: f32::INFINITY,
         }
     }
@@ -30,6 +34,36 @@ impl<'a> DepthMaps<'a> {
     #[must_use]
     pub fn within(self, bytes: u64) -> DepthMaps<'a> {
         DepthMaps { room: bytes, ..self }
+    }
+
+    /// Moves the depths of all views so that their pictures agree: by smooth changes of depth, the squared differences
+    /// between the colours of a view's pixels and those of the same points in other views become least. To be called
+    /// first. Pictures that memory does not hold together are compared at a whole fraction of their size. `progress` is
+    /// told twice a view, and may end the alignment with an error.
+    ///
+    /// # Errors
+    /// Those of drawing and of `progress`.
+    pub fn align(&mut self, progress: impl Fn() -> Result<()> + Sync) -> Result<()> {
+        let each = self.room / self.count().max(1) as u64;
+        let mut whole = true;
+        let mut maps = Vec::new();
+        for view in 0..self.count() {
+            progress()?;
+            let map = (self.draw)(view)?;
+            let reduced = map.reduced_to(each);
+            whole &= reduced.is_none();
+            maps.push(reduced.unwrap_or(map));
+        }
+        self.corrections = align(&maps, progress)?;
+        if whole {
+            for (map, correction) in maps.iter_mut().zip(&self.corrections) {
+                correction.apply(map);
+                map.limit(self.depth_median);
+                self.room -= DepthMap::bytes(map.depth.len());
+            }
+            self.kept = maps.into_iter().map(Some).collect();
+        }
+        Ok(())
     }
 
     /// Views.
@@ -49,6 +83,9 @@ impl<'a> DepthMaps<'a> {
             return with(map);
         }
         let mut map = (self.draw)(view)?;
+        if let Some(correction) = self.corrections.get(view) {
+            correction.apply(&mut map);
+        }
         map.limit(self.depth_median);
         let result = with(&map)?;
         let bytes = DepthMap::bytes(map.depth.len());

@@ -5,6 +5,7 @@
 //!
 #![doc = include_str!("../../docs/surfaces.md")]
 
+mod align;
 mod clean;
 mod compare;
 mod cubes;

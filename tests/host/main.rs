@@ -14,6 +14,7 @@ mod dependencies;
 mod header;
 mod io;
 mod mesh;
+mod mesh_align;
 mod mesh_colors;
 mod reference;
 mod synth;

@@ -50,7 +50,7 @@ fn matt() -> Material {
     Material::matt(Texture::ripples([0.5; 3], 0.2, 0.1, 1))
 }
 
-fn ball() -> Scene {
+pub(super) fn ball() -> Scene {
     Scene {
         objects: vec![Object::new(Shape::Sphere(1.0), matt())],
         ..Scene::default()
@@ -58,7 +58,7 @@ fn ball() -> Scene {
 }
 
 /// Cameras all around the origin, on a spiral.
-fn around(count: usize, distance: f64) -> Vec<Camera> {
+pub(super) fn around(count: usize, distance: f64) -> Vec<Camera> {
     let place = |i: usize| {
         let z = 1.0 - 2.0 * (i as f64 + 0.5) / count as f64;
         let angle = 2.399_963 * i as f64;

@@ -1,0 +1,390 @@
+//! Alignment of depths: those of each view are moved until its picture agrees with those of other views.
+
+use super::depth_map::DepthMap;
+use crate::Result;
+use crate::scene::Camera;
+use crate::stats::conjugate_gradients::{self, SymmetricSystem};
+use crate::stats::quantile;
+use glam::{DMat3, DVec2, DVec3};
+use rayon::prelude::*;
+use std::f64::consts::{FRAC_PI_4, TAU};
+
+/// Pixels between points of the lattice.
+const CELL: u32 = 4;
+/// Other views that a view is compared with.
+const OTHERS: usize = 8;
+/// Angle at the surface from which on a view is compared, radians: the nearest ones from there, others if there are too
+/// few. 10°.
+const ANGLE_MIN: f64 = 0.174_533;
+/// Largest angle, radians.
+const ANGLE_MAX: f64 = FRAC_PI_4;
+/// Steps of Gauss and Newton's method.
+const STEPS: usize = 5;
+/// Noise of colours in medians of the difference between views.
+const NOISE: f64 = 2.0;
+/// Least noise: half a level.
+const NOISE_MIN: f64 = 0.5 / 255.0;
+/// Pixels of which one is asked for the noise.
+const STRIDE: usize = 7;
+/// Differences from which on a pixel loses weight, in units of the noise.
+const OUTLIER: f64 = 3.0;
+/// Expected difference between neighbouring points of the lattice, footprints of a pixel: with larger ones, depths
+/// follow reflections too.
+const ROUGHNESS: f64 = 0.1;
+/// Expected movement, footprints of a pixel.
+const MOVEMENT: f64 = 2.0;
+/// Relative difference of depth between neighbouring pixels, and between points of the lattice, of one surface.
+const STEP: f64 = 0.05;
+/// Relative difference between the depths of a point by two views that both see it.
+const APART: f64 = 0.03;
+/// Least coverage of a surface, levels.
+const COVERAGE_MIN: u8 = 250;
+/// Iterations, and decrease of the squared residual, of a linear solution.
+const SOLUTION: (usize, f64) = (200, 1e-6);
+
+/// Relative changes of a view's depths, bilinear between the points of a lattice over its picture.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct DepthCorrection {
+    lattice: Lattice,
+    /// Change of depth as a share of it, by point.
+    change: Vec<f32>,
+}
+
+impl DepthCorrection {
+    /// Moves the depths of a map of the view, which may have another size.
+    pub(super) fn apply(&self, map: &mut DepthMap) {
+        let (width, camera) = (map.camera.width as usize, map.camera);
+        for (pixel, depth) in map.depth.iter_mut().enumerate() {
+            let shares = self.lattice.shares(&camera, pixel % width, pixel / width);
+            let change: f64 = shares
+                .iter()
+                .map(|&(point, share)| share * f64::from(self.change[point]))
+                .sum();
+            *depth *= 1.0 + change as f32;
+        }
+    }
+}
+
+/// Corrections of all maps: the squared differences between the colours of a view's pixels and those of the same points
+/// in other views are least, with a smooth change of depth. Pixels count whose surroundings are one covered surface, in
+/// both views, and which the other view does not see something else in front of. Colours of splats are as consistent as
+/// the photographs are; their depths need not be, since depths are not trained on.
+///
+/// `progress` is told each view, and may end the alignment with an error.
+pub(super) fn align(maps: &[DepthMap], progress: impl Fn() -> Result<()> + Sync) -> Result<Vec<DepthCorrection>> {
+    let surfaces: Vec<Vec<bool>> = maps.par_iter().map(surface).collect();
+    let middles: Vec<Option<DVec3>> = maps.iter().map(middle).collect();
+    let correct = |view: usize| {
+        progress()?;
+        let others = middles[view].map_or(Vec::new(), |at| others(maps, view, at));
+        let pair = |other: usize| Pair::new(&maps[view].camera, &maps[other], &surfaces[other]);
+        let alignment = ViewAlignment {
+            map: &maps[view],
+            surface: &surfaces[view],
+            others: others.into_iter().map(pair).collect(),
+            lattice: Lattice::over(&maps[view].camera),
+        };
+        Ok(alignment.correction())
+    };
+    (0..maps.len()).into_par_iter().map(correct).collect()
+}
+
+/// Point at the median depth along the ray through the middle of the picture.
+fn middle(map: &DepthMap) -> Option<DVec3> {
+    let mut depths: Vec<f64> = map.depth.iter().filter(|d| !d.is_nan()).map(|&d| d.into()).collect();
+    let size = DVec2::new(map.camera.width.into(), map.camera.height.into());
+    let depth = quantile(&mut depths, 0.5)?;
+    Some(map.camera.position + map.camera.ray_from_pixel(0.5 * size) * depth)
+}
+
+/// Views to compare a view with, which looks at a point.
+fn others(maps: &[DepthMap], view: usize, at: DVec3) -> Vec<usize> {
+    let own = maps[view].camera.position - at;
+    let angle = |other: usize| {
+        let camera = &maps[other].camera;
+        let angle = own.angle_between(camera.position - at);
+        let counts = other != view && camera.sees(at) && angle <= ANGLE_MAX;
+        // After the others, the largest first.
+        let place = if angle < ANGLE_MIN { TAU - angle } else { angle };
+        counts.then_some((place, other))
+    };
+    let mut places: Vec<(f64, usize)> = (0..maps.len()).filter_map(angle).collect();
+    places.sort_by(|a, b| a.0.total_cmp(&b.0));
+    places.into_iter().take(OTHERS).map(|(_, other)| other).collect()
+}
+
+/// Whether a pixel and its eight neighbours are covered and of one surface, by pixel.
+fn surface(map: &DepthMap) -> Vec<bool> {
+    let (width, height) = (map.camera.width as usize, map.camera.height as usize);
+    let covers = |pixel: usize, of: f32| {
+        let ratio = f64::from(map.depth[pixel] / of);
+        map.color[pixel][3] >= COVERAGE_MIN && (ratio - 1.0).abs() <= STEP
+    };
+    let inside = |pixel: usize| {
+        let (x, y) = (pixel % width, pixel / width);
+        let is_border = x == 0 || y == 0 || x + 1 == width || y + 1 == height;
+        let mut around = [-1, 0, 1].into_iter().flat_map(|dy| [-1, 0, 1].map(|dx| (dx, dy)));
+        !is_border
+            && around.all(|(dx, dy)| {
+                let there = y.wrapping_add_signed(dy) * width + x.wrapping_add_signed(dx);
+                covers(there, map.depth[pixel])
+            })
+    };
+    (0..width * height).map(inside).collect()
+}
+
+/// Points over a picture, four around each pixel, at the same rays for all sizes of the picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Lattice {
+    columns: usize,
+    rows: usize,
+    /// Points in a focal length.
+    density: DVec2,
+}
+
+impl Lattice {
+    fn over(camera: &Camera) -> Lattice {
+        // A column and a row more for the rest of a larger picture.
+        let points = |pixels: u32| pixels.div_ceil(CELL) as usize + 2;
+        Lattice {
+            columns: points(camera.width),
+            rows: points(camera.height),
+            density: camera.focal / f64::from(CELL),
+        }
+    }
+
+    /// Points around a pixel, and their shares in it.
+    fn shares(&self, camera: &Camera, x: usize, y: usize) -> [(usize, f64); 4] {
+        let place = DVec2::new(x as f64 + 0.5, y as f64 + 0.5) / camera.focal * self.density;
+        let first = place.y as usize * self.columns + place.x as usize;
+        let (across, down) = (place.x.fract(), place.y.fract());
+        [
+            (first, (1.0 - across) * (1.0 - down)),
+            (first + 1, across * (1.0 - down)),
+            (first + self.columns, (1.0 - across) * down),
+            (first + self.columns + 1, across * down),
+        ]
+    }
+}
+
+/// Another view, in the coordinates of the view that is compared with it.
+struct Pair<'a> {
+    map: &'a DepthMap,
+    surface: &'a [bool],
+    /// View coordinates of a point at a depth along a ray: `rotation * ray * depth + offset`.
+    rotation: DMat3,
+    offset: DVec3,
+}
+
+/// A point in another view.
+struct Match {
+    /// Own colour less that of the other view.
+    difference: DVec3,
+    /// Derivative of the other view's colour by the logarithm of the depth.
+    slope: DVec3,
+}
+
+impl<'a> Pair<'a> {
+    fn new(own: &Camera, map: &'a DepthMap, surface: &'a [bool]) -> Pair<'a> {
+        Pair {
+            map,
+            surface,
+            rotation: map.camera.rotation * own.rotation.transpose(),
+            offset: map.camera.view_from_world(own.position),
+        }
+    }
+
+    /// The point of a colour at a depth along a ray of the own view, if it is on a surface here.
+    fn find(&self, ray: DVec3, depth: f64, own: DVec3) -> Option<Match> {
+        let camera = &self.map.camera;
+        let along = self.rotation * ray * depth;
+        let at = along + self.offset;
+        if at.z <= 0.0 {
+            return None;
+        }
+        let pixel = camera.focal * at.truncate() / at.z + camera.center;
+        let size = DVec2::new(camera.width.into(), camera.height.into());
+        if pixel.min_element() < 0.0 || pixel.cmpge(size).any() {
+            return None;
+        }
+        let index = pixel.y as usize * camera.width as usize + pixel.x as usize;
+        let apart = f64::from(self.map.depth[index]) / at.z - 1.0;
+        if !self.surface[index] || apart.abs() > APART {
+            return None;
+        }
+        let (color, across, down) = self.sample(pixel);
+        let motion = camera.focal * (along.truncate() - at.truncate() / at.z * along.z) / at.z;
+        Some(Match {
+            difference: own - color,
+            slope: across * motion.x + down * motion.y,
+        })
+    }
+
+    /// Bilinear colour at a place with pixels on all sides, and its derivatives along both axes.
+    fn sample(&self, pixel: DVec2) -> (DVec3, DVec3, DVec3) {
+        let place = pixel - 0.5;
+        let share = place - place.floor();
+        let width = self.map.camera.width as usize;
+        let first = place.y as usize * width + place.x as usize;
+        let color = |pixel: usize| self.map.rgb(pixel).as_dvec3();
+        let [a, b, c, d] = [first, first + 1, first + width, first + width + 1].map(color);
+        let (top, bottom) = (a.lerp(b, share.x), c.lerp(d, share.x));
+        (top.lerp(bottom, share.y), (b - a).lerp(d - c, share.y), bottom - top)
+    }
+}
+
+/// A view that is compared with others.
+struct ViewAlignment<'a> {
+    map: &'a DepthMap,
+    /// Pixels that count.
+    surface: &'a [bool],
+    others: Vec<Pair<'a>>,
+    lattice: Lattice,
+}
+
+impl ViewAlignment<'_> {
+    fn correction(&self) -> DepthCorrection {
+        let mut equations = LatticeEquations::new(self.map, self.lattice);
+        // In footprints: the change of depth times the focal length.
+        let mut movement = vec![0.0; equations.pixels.len()];
+        for _ in 0..STEPS {
+            let mut residual = equations.start(&movement);
+            self.add_pixels(&mut equations, &mut residual, &movement);
+            let mut step = vec![0.0; movement.len()];
+            let (iterations, decrease) = SOLUTION;
+            conjugate_gradients::improve(&equations, &mut step, residual, |energy| decrease * energy, iterations);
+            movement.iter_mut().zip(&step).for_each(|(moved, step)| *moved += step);
+        }
+        DepthCorrection {
+            lattice: self.lattice,
+            change: movement.iter().map(|moved| (moved / self.focal()) as f32).collect(),
+        }
+    }
+
+    fn focal(&self) -> f64 {
+        self.map.camera.focal.max_element()
+    }
+
+    /// Adds what the pixels of the view ask for.
+    fn add_pixels(&self, equations: &mut LatticeEquations, residual: &mut [f64], movement: &[f64]) {
+        let noise = self.noise(movement);
+        for pixel in (0..self.surface.len()).filter(|&pixel| self.surface[pixel]) {
+            let (shares, moved) = self.moved(pixel, movement);
+            let (mut curvature, mut slope) = (0.0, 0.0);
+            for found in self.matches(pixel, moved) {
+                let difference = found.difference / noise;
+                let by_movement = found.slope / (noise * (self.focal() + moved));
+                // Of Cauchy's distribution.
+                let weight = 1.0 / (1.0 + difference.length_squared() / OUTLIER.powi(2));
+                curvature += weight * by_movement.length_squared();
+                slope += weight * by_movement.dot(difference);
+            }
+            for (point, share) in shares {
+                equations.pixels[point] += share * curvature;
+                residual[point] += share * slope;
+            }
+        }
+    }
+
+    /// Noise of colours, levels of 1: what remains of differences where depths are right is that of views.
+    fn noise(&self, movement: &[f64]) -> f64 {
+        let pixels = (0..self.surface.len())
+            .step_by(STRIDE)
+            .filter(|&pixel| self.surface[pixel]);
+        let found = pixels.flat_map(|pixel| self.matches(pixel, self.moved(pixel, movement).1));
+        let mut differences: Vec<f64> = found.map(|found| found.difference.length()).collect();
+        quantile(&mut differences, 0.5).map_or(NOISE_MIN, |median| NOISE_MIN.max(NOISE * median))
+    }
+
+    /// Points of the lattice with their shares in a pixel, and its movement.
+    fn moved(&self, pixel: usize, movement: &[f64]) -> ([(usize, f64); 4], f64) {
+        let (camera, width) = (&self.map.camera, self.map.camera.width as usize);
+        let shares = self.lattice.shares(camera, pixel % width, pixel / width);
+        (
+            shares,
+            shares.iter().map(|&(point, share)| share * movement[point]).sum(),
+        )
+    }
+
+    /// A moved pixel in the other views that see it.
+    fn matches(&self, pixel: usize, moved: f64) -> impl Iterator<Item = Match> {
+        let (camera, width) = (&self.map.camera, self.map.camera.width as usize);
+        let place = DVec2::new((pixel % width) as f64 + 0.5, (pixel / width) as f64 + 0.5);
+        let ray = ((place - camera.center) / camera.focal).extend(1.0);
+        let depth = f64::from(self.map.depth[pixel]) * (1.0 + moved / self.focal());
+        let color = self.map.rgb(pixel).as_dvec3();
+        self.others
+            .iter()
+            .filter_map(move |other| other.find(ray, depth, color))
+    }
+}
+
+/// Least squares of a lattice. The pixels' part is summed by rows to its diagonal: exact for even movements, and steps
+/// are too short for uneven ones.
+struct LatticeEquations {
+    /// Weights of the pixels, by point.
+    pixels: Vec<f64>,
+    /// Neighbouring points of one surface.
+    links: Vec<[usize; 2]>,
+}
+
+impl LatticeEquations {
+    fn new(map: &DepthMap, lattice: Lattice) -> LatticeEquations {
+        let inverse = inverse_depths(map, lattice);
+        let points = inverse.len();
+        let right = (0..points).filter(|point| (point + 1) % lattice.columns > 0);
+        let below = 0..points - lattice.columns;
+        let pairs = right.map(|a| [a, a + 1]).chain(below.map(|a| [a, a + lattice.columns]));
+        LatticeEquations {
+            pixels: vec![0.0; points],
+            // Written so that NaN is no surface.
+            links: pairs
+                .filter(|&[a, b]| (inverse[a] / inverse[b] - 1.0).abs() <= STEP)
+                .collect(),
+        }
+    }
+
+    /// Forgets the pixels; the residual of the other terms.
+    fn start(&mut self, movement: &[f64]) -> Vec<f64> {
+        self.pixels.fill(0.0);
+        self.product(movement).iter().map(|term| -term).collect()
+    }
+
+    /// Entries of the diagonal but for the links.
+    fn own(&self) -> impl Iterator<Item = f64> {
+        self.pixels.iter().map(|pixels| MOVEMENT.powi(-2) + pixels)
+    }
+}
+
+/// Mean inverse depth around each point of a lattice; NaN without a surface.
+fn inverse_depths(map: &DepthMap, lattice: Lattice) -> Vec<f64> {
+    let width = map.camera.width as usize;
+    let mut sums = vec![(0.0, 0.0); lattice.columns * lattice.rows];
+    for (pixel, &depth) in map.depth.iter().enumerate().filter(|(_, depth)| !depth.is_nan()) {
+        for (point, share) in lattice.shares(&map.camera, pixel % width, pixel / width) {
+            sums[point].0 += share / f64::from(depth);
+            sums[point].1 += share;
+        }
+    }
+    sums.iter().map(|(sum, shares)| sum / shares).collect()
+}
+
+impl SymmetricSystem for LatticeEquations {
+    fn product(&self, vector: &[f64]) -> Vec<f64> {
+        let mut product: Vec<f64> = self.own().zip(vector).map(|(entry, x)| entry * x).collect();
+        for &[a, b] in &self.links {
+            let pull = (vector[a] - vector[b]) / ROUGHNESS.powi(2);
+            product[a] += pull;
+            product[b] -= pull;
+        }
+        product
+    }
+
+    fn precondition(&self, vector: &[f64]) -> Vec<f64> {
+        let mut diagonal: Vec<f64> = self.own().collect();
+        for &point in self.links.as_flattened() {
+            diagonal[point] += ROUGHNESS.powi(-2);
+        }
+        vector.iter().zip(&diagonal).map(|(x, entry)| x / entry).collect()
+    }
+}
