@@ -20,7 +20,8 @@ fn install(prefix: &Path) {
     let mut command = Command::new(format!("{ROOT}/scripts/capi"));
     command.arg(prefix);
     if profile.ends_with("debug") {
-        command.arg("--dev");
+        // Unoptimised, which is compiled in half of the time.
+        command.args(["--dev", "--config", "profile.dev.package.ashfall.opt-level=0"]);
     }
     command.env("CARGO_TARGET_DIR", profile.parent().unwrap());
     run(&mut command);
