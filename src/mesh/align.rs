@@ -286,7 +286,7 @@ impl ViewAlignment<'_> {
         }
     }
 
-    /// Noise of colours, levels of 1: what remains of differences where depths are right is that of views.
+    /// Noise of colours, of which white has 1: by the median, since most differences are not those of wrong depths.
     fn noise(&self, movement: &[f64]) -> f64 {
         let pixels = (0..self.surface.len())
             .step_by(STRIDE)
