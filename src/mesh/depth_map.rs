@@ -61,8 +61,8 @@ impl DepthMap {
         12 * pixels as u64
     }
 
-    /// The map at a whole fraction of its size that takes at most so many bytes, with mean colours and the depths in the
-    /// middle; `None` if the map itself does.
+    /// The map at a whole fraction of its size that takes at most so many bytes, with mean colours and the depths in
+    /// the middle; `None` if the map itself does.
     pub(super) fn reduced_to(&self, bytes: u64) -> Option<DepthMap> {
         let (width, height) = (self.camera.width as usize, self.camera.height as usize);
         let excess = DepthMap::bytes(width * height) as f64 / bytes as f64;
