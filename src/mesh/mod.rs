@@ -1,5 +1,5 @@
-//! Meshes of scenes: fusion of depth maps in a volume of signed distances, extraction, cleaning, distances from a true
-//! mesh, pictures, and errors of depths and normals.
+//! Meshes of scenes: alignment of depth maps, their fusion in a volume of signed distances, extraction, cleaning,
+//! distances from a true mesh, pictures, and errors of depths and normals.
 //!
 //! **Invariant:** no device and no files; the same maps give the same bytes.
 //!
