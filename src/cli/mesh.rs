@@ -159,15 +159,15 @@ fn mesh(
             false => Ok(()),
         }
     };
-    let mut before = 3;
+    // Survey, list and colours; drawing and alignment.
+    let once = if args.unaligned { 3 } else { 5 };
     if !args.unaligned {
-        before += 2;
         maps.align(advance)?;
     }
     let (mut mesh, report) = fuse(&options, maps, |phase, _| {
         if let FusionPhase::Add(_, slabs) = phase {
             let passes = if args.closed { 2 } else { 1 };
-            bar.set_length((before + passes * slabs as u64) * count as u64);
+            bar.set_length((once + passes * slabs as u64) * count as u64);
         }
         advance()
     })?;

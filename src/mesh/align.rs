@@ -11,14 +11,14 @@ use std::f64::consts::{FRAC_PI_4, TAU};
 
 /// Pixels between points of the lattice.
 const CELL: u32 = 4;
-/// Other views that a view is compared with.
-const OTHERS: usize = 8;
+/// Source views, with which a view is compared.
+const SOURCES: usize = 8;
 /// Angle at the surface from which on a view is compared, radians: the nearest ones from there, others if there are too
 /// few. 10°.
 const ANGLE_MIN: f64 = 0.174_533;
 /// Largest angle, radians.
 const ANGLE_MAX: f64 = FRAC_PI_4;
-/// Steps of Gauss and Newton's method.
+/// Iterations of Gauss-Newton.
 const STEPS: usize = 5;
 /// Noise of colours in medians of the difference between views.
 const NOISE: f64 = 2.0;
@@ -65,10 +65,10 @@ impl DepthCorrection {
     }
 }
 
-/// Corrections of all maps: the squared differences between the colours of a view's pixels and those of the same points
-/// in other views are least, with a smooth change of depth. Pixels count whose surroundings are one covered surface, in
-/// both views, and which the other view does not see something else in front of. Colours of splats are as consistent as
-/// the photographs are; their depths need not be, since depths are not trained on.
+/// Corrections of all maps: by a smooth change of depth, the differences between the colours of a view's pixels and
+/// those of the same points in its source views are least. Pixels on borders of surfaces do not count, since outlines
+/// move with the view. Colours of splats are as consistent as the photographs are; their depths need not be, since
+/// depths are not trained on.
 ///
 /// `progress` is told each view, and may end the alignment with an error.
 pub(super) fn align(maps: &[DepthMap], progress: impl Fn() -> Result<()> + Sync) -> Result<Vec<DepthCorrection>> {
@@ -76,12 +76,12 @@ pub(super) fn align(maps: &[DepthMap], progress: impl Fn() -> Result<()> + Sync)
     let middles: Vec<Option<DVec3>> = maps.iter().map(middle).collect();
     let correct = |view: usize| {
         progress()?;
-        let others = middles[view].map_or(Vec::new(), |at| others(maps, view, at));
-        let pair = |other: usize| Pair::new(&maps[view].camera, &maps[other], &surfaces[other]);
+        let sources = middles[view].map_or(Vec::new(), |at| sources(maps, view, at));
+        let source = |other: usize| SourceView::new(&maps[view].camera, &maps[other], &surfaces[other]);
         let alignment = ViewAlignment {
             map: &maps[view],
             surface: &surfaces[view],
-            others: others.into_iter().map(pair).collect(),
+            sources: sources.into_iter().map(source).collect(),
             lattice: Lattice::over(&maps[view].camera),
         };
         Ok(alignment.correction())
@@ -97,8 +97,8 @@ fn middle(map: &DepthMap) -> Option<DVec3> {
     Some(map.camera.position + map.camera.ray_from_pixel(0.5 * size) * depth)
 }
 
-/// Views to compare a view with, which looks at a point.
-fn others(maps: &[DepthMap], view: usize, at: DVec3) -> Vec<usize> {
+/// Source views of a view, by their angles at a point in sight.
+fn sources(maps: &[DepthMap], view: usize, at: DVec3) -> Vec<usize> {
     let own = maps[view].camera.position - at;
     let angle = |other: usize| {
         let camera = &maps[other].camera;
@@ -110,7 +110,7 @@ fn others(maps: &[DepthMap], view: usize, at: DVec3) -> Vec<usize> {
     };
     let mut places: Vec<(f64, usize)> = (0..maps.len()).filter_map(angle).collect();
     places.sort_by(|a, b| a.0.total_cmp(&b.0));
-    places.into_iter().take(OTHERS).map(|(_, other)| other).collect()
+    places.into_iter().take(SOURCES).map(|(_, other)| other).collect()
 }
 
 /// Whether a pixel and its eight neighbours are covered and of one surface, by pixel.
@@ -167,8 +167,8 @@ impl Lattice {
     }
 }
 
-/// Another view, in the coordinates of the view that is compared with it.
-struct Pair<'a> {
+/// Source view of multi-view stereo: another view, in the coordinates of the view to be aligned.
+struct SourceView<'a> {
     map: &'a DepthMap,
     surface: &'a [bool],
     /// View coordinates of a point at a depth along a ray: `rotation * ray * depth + offset`.
@@ -176,17 +176,17 @@ struct Pair<'a> {
     offset: DVec3,
 }
 
-/// A point in another view.
-struct Match {
-    /// Own colour less that of the other view.
+/// A point in a source view.
+struct Correspondence {
+    /// Own colour less that of the source view.
     difference: DVec3,
-    /// Derivative of the other view's colour by the logarithm of the depth.
+    /// Derivative of the source view's colour by the logarithm of the depth.
     slope: DVec3,
 }
 
-impl<'a> Pair<'a> {
-    fn new(own: &Camera, map: &'a DepthMap, surface: &'a [bool]) -> Pair<'a> {
-        Pair {
+impl<'a> SourceView<'a> {
+    fn new(own: &Camera, map: &'a DepthMap, surface: &'a [bool]) -> SourceView<'a> {
+        SourceView {
             map,
             surface,
             rotation: map.camera.rotation * own.rotation.transpose(),
@@ -195,7 +195,7 @@ impl<'a> Pair<'a> {
     }
 
     /// The point of a colour at a depth along a ray of the own view, if it is on a surface here.
-    fn find(&self, ray: DVec3, depth: f64, own: DVec3) -> Option<Match> {
+    fn find(&self, ray: DVec3, depth: f64, own: DVec3) -> Option<Correspondence> {
         let camera = &self.map.camera;
         let along = self.rotation * ray * depth;
         let at = along + self.offset;
@@ -214,7 +214,7 @@ impl<'a> Pair<'a> {
         }
         let (color, across, down) = self.sample(pixel);
         let motion = camera.focal * (along.truncate() - at.truncate() / at.z * along.z) / at.z;
-        Some(Match {
+        Some(Correspondence {
             difference: own - color,
             slope: across * motion.x + down * motion.y,
         })
@@ -233,12 +233,12 @@ impl<'a> Pair<'a> {
     }
 }
 
-/// A view that is compared with others.
+/// A view to be aligned, with its source views.
 struct ViewAlignment<'a> {
     map: &'a DepthMap,
     /// Pixels that count.
     surface: &'a [bool],
-    others: Vec<Pair<'a>>,
+    sources: Vec<SourceView<'a>>,
     lattice: Lattice,
 }
 
@@ -271,10 +271,10 @@ impl ViewAlignment<'_> {
         for pixel in (0..self.surface.len()).filter(|&pixel| self.surface[pixel]) {
             let (shares, moved) = self.moved(pixel, movement);
             let (mut curvature, mut slope) = (0.0, 0.0);
-            for found in self.matches(pixel, moved) {
+            for found in self.correspondences(pixel, moved) {
                 let difference = found.difference / noise;
                 let by_movement = found.slope / (noise * (self.focal() + moved));
-                // Of Cauchy's distribution.
+                // Cauchy loss: pixels that differ for other reasons than depth count little.
                 let weight = 1.0 / (1.0 + difference.length_squared() / OUTLIER.powi(2));
                 curvature += weight * by_movement.length_squared();
                 slope += weight * by_movement.dot(difference);
@@ -291,7 +291,7 @@ impl ViewAlignment<'_> {
         let pixels = (0..self.surface.len())
             .step_by(STRIDE)
             .filter(|&pixel| self.surface[pixel]);
-        let found = pixels.flat_map(|pixel| self.matches(pixel, self.moved(pixel, movement).1));
+        let found = pixels.flat_map(|pixel| self.correspondences(pixel, self.moved(pixel, movement).1));
         let mut differences: Vec<f64> = found.map(|found| found.difference.length()).collect();
         quantile(&mut differences, 0.5).map_or(NOISE_MIN, |median| NOISE_MIN.max(NOISE * median))
     }
@@ -306,21 +306,21 @@ impl ViewAlignment<'_> {
         )
     }
 
-    /// A moved pixel in the other views that see it.
-    fn matches(&self, pixel: usize, moved: f64) -> impl Iterator<Item = Match> {
+    /// A moved pixel in the source views that see it.
+    fn correspondences(&self, pixel: usize, moved: f64) -> impl Iterator<Item = Correspondence> {
         let (camera, width) = (&self.map.camera, self.map.camera.width as usize);
         let place = DVec2::new((pixel % width) as f64 + 0.5, (pixel / width) as f64 + 0.5);
         let ray = ((place - camera.center) / camera.focal).extend(1.0);
         let depth = f64::from(self.map.depth[pixel]) * (1.0 + moved / self.focal());
         let color = self.map.rgb(pixel).as_dvec3();
-        self.others
+        self.sources
             .iter()
-            .filter_map(move |other| other.find(ray, depth, color))
+            .filter_map(move |source| source.find(ray, depth, color))
     }
 }
 
-/// Least squares of a lattice. The pixels' part is summed by rows to its diagonal: exact for even movements, and steps
-/// are too short for uneven ones.
+/// Normal equations of a lattice. The pixels' part is lumped, summed by rows to its diagonal: exact for even movements,
+/// and steps are too short for uneven ones.
 struct LatticeEquations {
     /// Weights of the pixels, by point.
     pixels: Vec<f64>,

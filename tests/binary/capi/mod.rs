@@ -20,7 +20,7 @@ fn install(prefix: &Path) {
     let mut command = Command::new(format!("{ROOT}/scripts/capi"));
     command.arg(prefix);
     if profile.ends_with("debug") {
-        // Unoptimised, which is compiled in half of the time.
+        // Unoptimised: hosts draw a few frames, and compiling takes longer than they do.
         command.args(["--dev", "--config", "profile.dev.package.ashfall.opt-level=0"]);
     }
     command.env("CARGO_TARGET_DIR", profile.parent().unwrap());
