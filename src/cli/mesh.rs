@@ -25,9 +25,9 @@ use std::path::PathBuf;
 
 /// Write a triangle mesh of a scene's surface
 ///
-/// Depths of the data set's views are moved so that their pictures agree, and fused to a volume of signed distances
-/// around the surface, whose zero is the mesh. Where no two views saw anything the mesh is open. Small pieces are left
-/// out. Colours are fitted to the views.
+/// Depths of the data set's views are smoothed within surfaces, moved so that the pictures agree, and fused to a
+/// volume of signed distances around the surface, whose zero is the mesh. Where no two views saw anything the mesh is
+/// open. Small pieces are left out. Colours are fitted to the views.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct MeshArgs {
@@ -58,7 +58,10 @@ pub(super) struct MeshArgs {
     /// mean of all, between surfaces at borders; means: that of the splats' means, for comparison
     #[arg(long, value_name = "DEPTH", default_value = "interquartile")]
     depth: DepthArg,
-    /// Leave depths as the splats have them, not moved so that the views' pictures agree
+    /// Standard deviation of the smoothing of depths within surfaces, pixels; 0 for none
+    #[arg(long, value_name = "PIXELS", default_value = "1.5", value_parser = parse::deviation)]
+    smooth: f64,
+    /// Leave depths where the splats have them, not moved so that the views' pictures agree
     #[arg(long)]
     unaligned: bool,
     /// Views to fuse
@@ -123,7 +126,9 @@ pub(super) fn run(args: &MeshArgs) -> Result<Outcome> {
     let mut draw = engine::scene_renderer(&gpu, &splats, near(&dataset), outputs, Compatibility::Engine)?;
     let mut maps = DepthMaps::new(views.len(), |view| {
         let camera = &dataset.views[views[view]].camera;
-        draw(camera, [0.0; 3]).map(|picture| map_of(camera, &picture, args.depth))
+        let mut map = map_of(camera, &draw(camera, [0.0; 3])?, args.depth);
+        map.smooth(args.smooth);
+        Ok(map)
     });
     let bar = output.bar(6 * views.len() as u64, "views");
     let fused = mesh(args, (&bar, &interrupt), (&mut maps, views.len(), near(&dataset)));

@@ -88,6 +88,12 @@ pub(super) fn positive(text: &str) -> Reading<f64> {
     value.ok_or_else(|| "a number above 0 is expected".to_owned())
 }
 
+/// A standard deviation in pixels, 0 to 8.
+pub(super) fn deviation(text: &str) -> Reading<f64> {
+    let deviation = text.parse().ok().filter(|value| (0.0..=8.0).contains(value));
+    deviation.ok_or_else(|| "a number of pixels is expected, 0 to 8".to_owned())
+}
+
 /// A number of frames a second.
 pub(super) fn rate(text: &str) -> Reading<f64> {
     let rate = positive(text).ok().filter(|rate| (0.01..=1000.0).contains(rate));
@@ -180,6 +186,12 @@ mod tests {
         assert_eq!(loss("0.1"), Ok(TrainConfig::default().auto.loss_db));
         assert_eq!(loss("1"), Ok(1.0));
         refuses(loss, &["", "0", "-0.1", "nan", "inf", "photos/"]);
+    }
+
+    #[test]
+    fn deviations_are_a_few_pixels() {
+        assert_eq!(["0", "1.5", "8"].map(deviation), [Ok(0.0), Ok(1.5), Ok(8.0)]);
+        refuses(deviation, &["", "-1", "8.1", "inf", "nan", "2px"]);
     }
 
     #[test]

@@ -18,6 +18,7 @@ mod flood_fill;
 mod fuse;
 mod sampler;
 mod score;
+mod smooth;
 mod tree;
 mod volume;
 

@@ -16,6 +16,7 @@ mod io;
 mod mesh;
 mod mesh_align;
 mod mesh_colors;
+mod mesh_smooth;
 mod reference;
 mod synth;
 mod tidy;
