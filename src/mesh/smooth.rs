@@ -18,8 +18,8 @@ struct Pair {
 }
 
 impl DepthMap {
-    /// Smooths inverse depths by a Gaussian of a standard deviation in pixels; 0 leaves them. Depths of splats are
-    /// noisy from pixel to pixel, and a mesh of them has rough normals.
+    /// Smooths inverse depths by a Gaussian of a standard deviation of a few pixels; 0 leaves them. Depths of splats
+    /// are noisy from pixel to pixel, and a mesh of them has rough normals.
     ///
     /// Each is averaged with pairs of pixels opposite each other around it. Inverse depths are affine over the picture
     /// of a plane, and so the mean of a pair is exact there, at any angle and up to the border. Pairs count less the
