@@ -26,13 +26,13 @@ impl DepthMap {
     /// farther their mean is from the pixel's own depth, by the square of a Cauchy weight: borders, edges and details
     /// beyond half a footprint stay. Pixels without a surface stay so.
     pub fn smooth(&mut self, deviation: f64) {
-        let (width, height) = (self.camera.width as isize, self.camera.height as isize);
-        let inverse: Vec<f32> = self.depth.iter().map(|depth| depth.recip()).collect();
-        let focal = self.camera.focal.max_element() as f32;
         let pairs = pairs(deviation);
         if pairs.is_empty() {
             return;
         }
+        let (width, height) = (self.camera.width as isize, self.camera.height as isize);
+        let inverse: Vec<f32> = self.depth.iter().map(|depth| depth.recip()).collect();
+        let focal = self.camera.focal.max_element() as f32;
         let smooth = |(pixel, depth): (usize, &mut f32)| {
             let own = inverse[pixel];
             let (x, y) = (pixel as isize % width, pixel as isize / width);

@@ -17,6 +17,7 @@ mod mesh;
 mod mesh_align;
 mod mesh_colors;
 mod mesh_smooth;
+mod noise;
 mod reference;
 mod synth;
 mod tidy;

@@ -1,6 +1,7 @@
 //! Smoothing of depths within surfaces.
 
 use super::mesh::around;
+use super::noise::noise;
 use ashfall::mesh::DepthMap;
 use ashfall::scene::Camera;
 use glam::DVec2;
@@ -33,15 +34,6 @@ fn plane(camera: &Camera, places: &[DVec2]) -> Vec<f32> {
     let size = DVec2::new(camera.width.into(), camera.height.into());
     let inverse = |place: &DVec2| 0.25 + 0.2 * place.x / size.x + 0.05 * place.y / size.y;
     places.iter().map(|place| inverse(place).recip() as f32).collect()
-}
-
-/// Uniform numbers from -1 to 1.
-fn noise() -> impl FnMut() -> f32 {
-    let mut state = 1_u32;
-    move || {
-        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        (state >> 8) as f32 / (1 << 23) as f32 - 1.0
-    }
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 use crate::io::fixtures::{Bounds, angle_degrees, assert_close, fixture, unpacked};
 use crate::io::{error_at, files_in, shared};
+use crate::noise::noise;
 use ashfall::io::sog::{SogCodes, SogOptions};
 use ashfall::io::{Source, ply, sog, splats};
 use ashfall::scene::{ScreenFilter, Splats, sh_coefficient_count};
@@ -68,15 +69,6 @@ fn a_whole_scene_decodes_from_bundle_and_folder() {
     let unbundled = splats::read(&folder.join("sog_unbundled/meta.json")).unwrap().splats;
     assert_eq!(bundle, unbundled);
     assert_eq!((bundle.len(), bundle.sh_degree), (8406, 2));
-}
-
-/// Numbers of a fixed sequence in −1 … 1.
-fn noise() -> impl FnMut() -> f32 {
-    let mut state = 9u32;
-    move || {
-        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        (state >> 8) as f32 / (1 << 23) as f32 - 1.0
-    }
 }
 
 /// Scene of `count` splats with positions on both sides of zero and beyond one, as the logarithm needs.
