@@ -2,7 +2,7 @@
 
 use super::cubes::{CORNERS, EDGES, table};
 use super::flood_fill::FloodFill;
-use super::volume::{Key, SIDE, VOXELS, Volume, Voxel};
+use super::volume::{Key, SIDE, VOXELS, Volume, Voxel, VoxelBlock};
 use crate::scene::Mesh;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -106,21 +106,15 @@ impl Neighbourhood {
     fn new(volume: &Volume, key: Key, views_min: u32, outside: Option<&FloodFill>) -> Neighbourhood {
         let first = key.map(|k| k * SIDE as i32 - 1);
         let keys = (0..27).map(|i| [0, 1, 2].map(|axis| key[axis] + i / [1, 3, 9][axis] % 3 - 1));
-        let around: Vec<(Key, Option<&[Voxel]>)> = keys.map(|key| (key, volume.block(key))).collect();
+        let around: Vec<(Key, Option<&VoxelBlock>)> = keys.map(|key| (key, volume.block(key))).collect();
         let voxel = |i: usize| {
             let place = [i % HALO, i / HALO % HALO, i / (HALO * HALO)].map(|k| k + SIDE - 1);
             let (key, block) = around[place[0] / SIDE + 3 * (place[1] / SIDE) + 9 * (place[2] / SIDE)];
             let inner = place.map(|k| k % SIDE);
             let inner = inner[0] + SIDE * (inner[1] + SIDE * inner[2]);
-            let known = block
-                .map(|block| block[inner])
-                .filter(|voxel| voxel.is_known(views_min));
-            known.or_else(|| {
+            block.and_then(|block| block.voxel(inner, views_min)).or_else(|| {
                 let distance = outside?.side(key, inner);
-                Some(Voxel {
-                    distance,
-                    ..Voxel::default()
-                })
+                Some(Voxel { distance, color: None })
             })
         };
         Neighbourhood {
@@ -202,11 +196,9 @@ fn vertex(around: &Neighbourhood, ends: [[usize; 3]; 2], axis: usize, voxel: f64
     position[axis] += f64::from(share);
     let [slope_a, slope_b] = ends.map(|end| around.gradient(end));
     let normal = slope_a.lerp(slope_b, share).normalize_or_zero();
-    let mean = |voxel: &Voxel| Vec3::from(voxel.color) / voxel.color_weight.max(f32::MIN_POSITIVE);
-    let color = match (a.color_weight > 0.0, b.color_weight > 0.0) {
-        (true, true) => mean(&a).lerp(mean(&b), share),
-        (true, false) => mean(&a),
-        _ => mean(&b),
+    let color = match (a.color, b.color) {
+        (Some(a), Some(b)) => a.lerp(b, share),
+        (of_a, of_b) => of_a.or(of_b).unwrap_or_default(),
     };
     Vertex {
         position: position.map(|x| (x * voxel) as f32),

@@ -68,8 +68,8 @@ impl FloodFill {
                 continue;
             }
             let mut inside = Bits::default();
-            for (i, voxel) in block.iter().enumerate() {
-                if voxel.is_known(views_min) && voxel.distance < 0.0 {
+            for i in 0..VOXELS {
+                if block.voxel(i, views_min).is_some_and(|voxel| voxel.distance < 0.0) {
                     inside[i / 64] |= 1 << (i % 64);
                 }
             }

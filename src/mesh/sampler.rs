@@ -1,10 +1,13 @@
 //! A depth map laid out for sampling at the voxels of a volume.
 
 use super::depth_map::DepthMap;
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, Vec4};
+use rayon::prelude::*;
 
 /// Pixels along an edge of a tile.
-const TILE: usize = 16;
+const TILE: usize = 8;
+/// Most pixels across of a box whose tiles are read: voxels of a wider one are fewer.
+const WIDTH_MAX: f64 = 256.0;
 
 /// A map's surface, and bounds of it.
 pub(super) struct SurfaceSampler<'a> {
@@ -13,104 +16,208 @@ pub(super) struct SurfaceSampler<'a> {
     height: usize,
     /// Inverse depth and slope of each pixel; NaN without a surface.
     surface: Vec<[f32; 2]>,
+    /// Weight of each pixel.
+    weights: Vec<f32>,
     /// Whether a pixel, its right, its lower and its lower right neighbour are on one surface.
     is_smooth: Vec<bool>,
-    /// Largest depth of each tile; 0 without a surface.
-    farthest: Vec<f32>,
+    tiles: Vec<TileBounds>,
 }
 
-/// A surface at a position in pixels.
+/// Bounds of a tile's surface.
 #[derive(Clone, Copy)]
-pub(super) struct SurfaceSample {
-    /// Depth along the view's z axis, world units.
-    pub(super) depth: f32,
-    /// Distance from the surface per depth.
-    pub(super) slope: f32,
-    /// Nearest pixel.
-    pub(super) pixel: usize,
+struct TileBounds {
+    /// Least depth; 0 if a pixel is without a surface.
+    nearest: f32,
+    /// Largest depth; 0 without a surface.
+    farthest: f32,
+    /// Least distance from the surface per depth.
+    slope: f32,
+}
+
+impl TileBounds {
+    /// Bounds of nothing.
+    const NONE: TileBounds = TileBounds {
+        nearest: f32::INFINITY,
+        farthest: 0.0,
+        slope: f32::INFINITY,
+    };
+
+    fn with(self, other: TileBounds) -> TileBounds {
+        TileBounds {
+            nearest: self.nearest.min(other.nearest),
+            farthest: self.farthest.max(other.farthest),
+            slope: self.slope.min(other.slope),
+        }
+    }
+
+    fn of_pixel(map: &DepthMap, pixel: usize) -> TileBounds {
+        match map.depth[pixel] {
+            depth if depth.is_nan() => TileBounds {
+                nearest: 0.0,
+                ..TileBounds::NONE
+            },
+            depth => TileBounds {
+                nearest: depth,
+                farthest: depth,
+                slope: map.slope[pixel],
+            },
+        }
+    }
+}
+
+/// What a view has of a box.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Sight {
+    /// None of it: it is beside the image, or behind the surface.
+    Unseen,
+    /// All of it before the surface; the weight of the pixel in the middle.
+    Free(f32),
+    /// Perhaps the surface.
+    Surface,
+}
+
+/// Surfaces at four positions in pixels.
+pub(super) struct SurfaceSamples {
+    /// Depths along the view's z axis, world units; NaN without a surface.
+    pub(super) depth: Vec4,
+    /// Distances from the surface per depth.
+    pub(super) slope: Vec4,
+    /// Nearest pixels.
+    pub(super) pixel: [usize; 4],
 }
 
 impl<'a> SurfaceSampler<'a> {
-    /// Sampler of a map. Four pixels are on one surface if they lie within `apart` of each other along the normal.
-    pub(super) fn new(map: &'a DepthMap, apart: f32) -> SurfaceSampler<'a> {
+    /// Sampler of a map. Four pixels are on one surface if they lie within `apart` of each other along the normal. A
+    /// frontal pixel at the depth `depth_median` has the weight 1.
+    pub(super) fn new(map: &'a DepthMap, apart: f32, depth_median: f32) -> SurfaceSampler<'a> {
         let (width, height) = (map.camera.width as usize, map.camera.height as usize);
         let texel = |(depth, slope): (&f32, &f32)| [depth.recip(), *slope];
-        let mut sampler = SurfaceSampler {
+        let is_smooth = |pixel: usize| {
+            let has_neighbors = pixel % width + 1 < width && pixel / width + 1 < height;
+            has_neighbors && is_smooth(map, pixel, apart)
+        };
+        let columns = width.div_ceil(TILE);
+        let tile = |tile: usize| {
+            let (left, top) = (tile % columns * TILE, tile / columns * TILE);
+            let rows = top..(top + TILE).min(height);
+            let pixels = rows.flat_map(|y| (left..(left + TILE).min(width)).map(move |x| y * width + x));
+            pixels.fold(TileBounds::NONE, |bounds, pixel| {
+                bounds.with(TileBounds::of_pixel(map, pixel))
+            })
+        };
+        let pixels = (0..width * height).into_par_iter();
+        SurfaceSampler {
             map,
             width,
             height,
             surface: map.depth.iter().zip(&map.slope).map(texel).collect(),
-            is_smooth: vec![false; map.depth.len()],
-            farthest: vec![0.0; width.div_ceil(TILE) * height.div_ceil(TILE)],
-        };
-        for y in 0..height {
-            for x in 0..width {
-                let pixel = y * width + x;
-                let farthest = &mut sampler.farthest[y / TILE * width.div_ceil(TILE) + x / TILE];
-                // NaN leaves it as it is.
-                *farthest = farthest.max(map.depth[pixel]);
-                let has_neighbors = x + 1 < width && y + 1 < height;
-                sampler.is_smooth[pixel] = has_neighbors && is_smooth(map, pixel, apart);
-            }
+            weights: pixels.clone().map(|pixel| weight(map, pixel, depth_median)).collect(),
+            is_smooth: pixels.map(is_smooth).collect(),
+            tiles: (0..columns * height.div_ceil(TILE)).into_par_iter().map(tile).collect(),
         }
-        sampler
     }
 
-    /// Surface at a position in pixels, one pixel or more inside the border. Inverse depths are interpolated, which is
-    /// exact on a plane, where the four around it are on one surface; otherwise the nearest pixel counts.
+    /// Surfaces at four positions in pixels, one pixel or more inside the border. Where the four pixels around are on
+    /// one surface, inverse depths are interpolated, which is exact on a plane; otherwise the nearest pixel counts.
     #[inline]
-    pub(super) fn sample(&self, x: f32, y: f32) -> Option<SurfaceSample> {
-        // Written so that NaN fails.
-        if !(x >= 1.0 && y >= 1.0 && x < self.width as f32 - 1.0 && y < self.height as f32 - 1.0) {
-            return None;
+    pub(super) fn sample(&self, x: Vec4, y: Vec4) -> SurfaceSamples {
+        let [right, bottom] = [self.width, self.height].map(|length| Vec4::splat(length as f32 - 1.0));
+        // Written so that NaN is outside.
+        let is_inside = x.cmpge(Vec4::ONE) & x.cmplt(right) & y.cmpge(Vec4::ONE) & y.cmplt(bottom);
+        let [left, top] = [(x, right), (y, bottom)].map(|(at, end)| at.max(Vec4::ONE).min(end) - 0.5);
+        let [column, row] = [left, top].map(Vec4::as_uvec4);
+        let [u, v] = [left - column.as_vec4(), top - row.as_vec4()].map(|share| share.to_array());
+        let (mut inverse, mut slope, mut pixel) = (Vec4::NAN, Vec4::NAN, [0; 4]);
+        for i in 0..4 {
+            let corner = row[i] as usize * self.width + column[i] as usize;
+            pixel[i] = corner + usize::from(u[i] >= 0.5) + usize::from(v[i] >= 0.5) * self.width;
+            [inverse[i], slope[i]] = match self.is_smooth[corner] {
+                true => self.between(corner, u[i], v[i]),
+                false => self.surface[pixel[i]],
+            };
         }
-        let pixel = y as u32 as usize * self.width + x as u32 as usize;
-        let (left, top) = ((x - 0.5) as u32, (y - 0.5) as u32);
-        let corner = top as usize * self.width + left as usize;
-        let [inverse, slope] = if self.is_smooth[corner] {
-            let (u, v) = (x - 0.5 - left as f32, y - 0.5 - top as f32);
-            let upper = &self.surface[corner..corner + 2];
-            let lower = &self.surface[corner + self.width..corner + self.width + 2];
-            lerp(lerp(upper[0], upper[1], u), lerp(lower[0], lower[1], u), v)
-        } else {
-            self.surface[pixel]
-        };
-        (inverse > 0.0).then(|| SurfaceSample {
-            depth: inverse.recip(),
+        SurfaceSamples {
+            depth: Vec4::select(is_inside, inverse.recip(), Vec4::NAN),
             slope,
             pixel,
-        })
+        }
     }
 
-    /// Whether all of a sphere, in view coordinates, is farther than the surface by more than `behind` along z.
-    pub(super) fn hides(&self, center: DVec3, radius: f64, behind: f64) -> bool {
-        let nearest = center.z - radius;
-        if nearest <= 0.0 {
-            return false;
+    /// Inverse depth and slope at shares `u` and `v` from a pixel to its right and to its lower neighbour.
+    #[inline]
+    fn between(&self, pixel: usize, u: f32, v: f32) -> [f32; 2] {
+        let pair = |first: usize| Vec4::from_slice(self.surface[first..first + 2].as_flattened());
+        let [a, b, c, d] = pair(pixel).lerp(pair(pixel + self.width), v).to_array();
+        [a + u * (c - a), b + u * (d - b)]
+    }
+
+    /// Weight of a pixel.
+    pub(super) fn weight(&self, pixel: usize) -> f32 {
+        self.weights[pixel]
+    }
+
+    /// Sight of a box, given in view coordinates. Points are behind the surface from `truncation` on along z, and
+    /// before it from `truncation` on along the normal.
+    pub(super) fn sight(&self, middle: DVec3, half: DVec3, truncation: f32) -> Sight {
+        let [near, far] = [middle.z - half.z, middle.z + half.z];
+        if far <= 0.0 {
+            return Sight::Unseen;
+        }
+        if near <= 0.0 {
+            return Sight::Surface;
         }
         let camera = &self.map.camera;
         let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
-        for z in [nearest, center.z + radius] {
-            for side in [-radius, radius] {
-                let at = camera.focal * (center.truncate() + side) / z + camera.center;
+        for z in [near, far] {
+            for corner in [middle - half, middle + half] {
+                let at = camera.focal * corner.truncate() / z + camera.center;
                 (low, high) = (low.min(at), high.max(at));
             }
         }
+        let size = DVec2::new(self.width as f64, self.height as f64);
+        if high.cmplt(DVec2::ONE).any() || low.cmpge(size - 1.0).any() {
+            return Sight::Unseen;
+        }
+        if (high - low).max_element() > WIDTH_MAX {
+            return Sight::Surface;
+        }
+        let bounds = self.bounds(low, high);
+        if f64::from(bounds.farthest + truncation) < near {
+            return Sight::Unseen;
+        }
+        let is_inside = low.cmpge(DVec2::ONE).all() && high.cmplt(size - 1.0).all();
+        if is_inside && f64::from(bounds.nearest - truncation / bounds.slope) >= far {
+            let at = camera.focal * middle.truncate() / middle.z + camera.center;
+            return Sight::Free(self.weights[at.y as usize * self.width + at.x as usize]);
+        }
+        Sight::Surface
+    }
+
+    /// Bounds of all samples in a rectangle of the image.
+    fn bounds(&self, low: DVec2, high: DVec2) -> TileBounds {
         // A sample reads a pixel beyond.
         let tiles = |low: f64, high: f64, length: usize| {
             let tile = |pixel: f64| (pixel.max(0.0) as usize).min(length - 1) / TILE;
             tile(low - 1.0)..=tile(high + 1.0)
         };
         let columns = self.width.div_ceil(TILE);
-        let is_behind = |tile: usize| f64::from(self.farthest[tile]) + behind < nearest;
-        tiles(low.y, high.y, self.height)
-            .all(|row| tiles(low.x, high.x, self.width).all(|column| is_behind(row * columns + column)))
+        let mut bounds = TileBounds::NONE;
+        for row in tiles(low.y, high.y, self.height) {
+            for column in tiles(low.x, high.x, self.width) {
+                bounds = bounds.with(self.tiles[row * columns + column]);
+            }
+        }
+        bounds
     }
 }
 
-/// Linear interpolation from `a` to `b`.
-fn lerp(a: [f32; 2], b: [f32; 2], share: f32) -> [f32; 2] {
-    [a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])]
+/// Weight of a pixel: of splats that cover it, of a surface seen frontally, and of its size there.
+fn weight(map: &DepthMap, pixel: usize, depth_median: f32) -> f32 {
+    let (camera, width) = (&map.camera, map.camera.width as usize);
+    let at = DVec2::new((pixel % width) as f64 + 0.5, (pixel / width) as f64 + 0.5);
+    let ray = ((at - camera.center) / camera.focal).extend(1.0).length() as f32;
+    let coverage = f32::from(map.color[pixel][3]) / 255.0;
+    coverage * coverage * (map.slope[pixel] / ray) * (depth_median / map.depth[pixel]).powi(2)
 }
 
 /// Whether a pixel, its right, its lower and its lower right neighbour lie within `apart` along the normal.
@@ -163,43 +270,61 @@ mod tests {
     #[test]
     fn samples_are_exact_on_a_plane_and_never_between_surfaces() {
         let map = map();
-        let sampler = SurfaceSampler::new(&map, 0.1);
-        let at = |x, y| sampler.sample(x, y).map(|sample| sample.depth);
-        let on_plane = at(10.3, 17.8).unwrap();
+        let sampler = SurfaceSampler::new(&map, 0.1, 1.0);
+        let depth = |x, y| {
+            let depth = sampler.sample(Vec4::splat(x), Vec4::splat(y)).depth;
+            assert!(depth == Vec4::splat(depth.w) || depth.is_nan_mask().all());
+            (!depth.is_nan()).then_some(depth.x)
+        };
+        let on_plane = depth(10.3, 17.8).unwrap();
         assert!((on_plane - plane(10.3, 17.8)).abs() < 1e-5, "{on_plane}");
         // Pixel 39 is the last of the plane.
-        assert_eq!([39.9, 40.1].map(|x| at(x, 17.5)), [Some(plane(39.5, 17.5)), Some(5.0)]);
         assert_eq!(
-            sampler.sample(40.1, 17.5).map(|sample| sample.pixel),
-            Some(17 * 64 + 40)
+            [39.9, 40.1].map(|x| depth(x, 17.5)),
+            [Some(plane(39.5, 17.5)), Some(5.0)]
+        );
+        assert_eq!(
+            sampler.sample(Vec4::splat(40.1), Vec4::splat(17.5)).pixel,
+            [17 * 64 + 40; 4]
         );
         for [x, y] in [[22.0, 32.0], [0.9, 9.0], [9.0, 47.1], [63.5, 9.0], [f32::NAN, 9.0]] {
-            assert!(at(x, y).is_none(), "{x} {y}");
+            assert!(depth(x, y).is_none(), "{x} {y}");
         }
     }
 
     #[test]
-    fn hidden_spheres_are_behind_every_sample() {
+    fn unseen_boxes_have_no_sample_near_and_free_ones_only_samples_behind() {
         let map = map();
-        let (camera, sampler, behind) = (map.camera, SurfaceSampler::new(&map, 0.1), 0.2);
-        let mut hidden = 0;
+        let truncation = 0.2;
+        let (camera, sampler) = (map.camera, SurfaceSampler::new(&map, 0.1, 1.0));
+        let mut counts = [0; 3];
         let mut random = SplitMix64(5);
         let mut signed = || DVec3::from([0; 3].map(|_| 2.0 * random.unit() - 1.0));
-        for _ in 0..2_000 {
-            let center = signed() * DVec3::new(2.0, 1.5, 3.0) + DVec3::new(0.0, 0.0, 3.0);
-            let radius = 0.3 * signed().x.abs();
-            if !sampler.hides(center, radius, behind) {
-                continue;
-            }
-            hidden += 1;
+        for _ in 0..4_000 {
+            let middle = signed() * DVec3::new(1.5, 1.2, 3.0) + DVec3::new(0.0, 0.0, 3.0);
+            let half = 0.2 * signed().abs();
+            let sight = sampler.sight(middle, half, truncation);
+            counts[match sight {
+                Sight::Unseen => 0,
+                Sight::Free(_) => 1,
+                Sight::Surface => 2,
+            }] += 1;
             for _ in 0..20 {
-                let point = center + radius / 3f64.sqrt() * signed();
+                let point = middle + half * signed();
                 let pixel = camera.focal * point.truncate() / point.z + camera.center;
-                let sample = sampler.sample(pixel.x as f32, pixel.y as f32);
-                assert!(sample.is_none_or(|sample| f64::from(sample.depth) + behind < point.z));
+                let sample = sampler.sample(Vec4::splat(pixel.x as f32), Vec4::splat(pixel.y as f32));
+                let (depth, z) = (sample.depth.x, point.z as f32);
+                match sight {
+                    Sight::Unseen => assert!(depth.is_nan() || z <= 0.0 || depth + truncation < z),
+                    Sight::Free(weight) => assert!(weight > 0.0 && (depth - z) * sample.slope.x >= truncation),
+                    Sight::Surface => {}
+                }
             }
         }
-        assert!((300..1_700).contains(&hidden), "{hidden}");
-        assert!(!sampler.hides(DVec3::new(0.0, 0.0, 0.1), 0.3, behind));
+        assert!(counts.iter().all(|count| *count > 400), "{counts:?}");
+        assert_eq!(
+            sampler.sight(DVec3::new(0.0, 0.0, 0.1), DVec3::splat(0.3), truncation),
+            Sight::Surface
+        );
     }
 }

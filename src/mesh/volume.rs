@@ -1,54 +1,105 @@
 //! Sparse volume of signed distances: blocks of 8 × 8 × 8 voxels near surfaces.
 
 use super::depth_map::DepthMap;
-use super::sampler::SurfaceSampler;
-use glam::{DVec2, DVec3};
+use super::sampler::{Sight, SurfaceSampler};
+use glam::{DMat3, DVec2, DVec3, Vec3, Vec4};
 use rayon::prelude::*;
-use std::array::from_fn;
 use std::collections::HashMap;
 
 /// Voxels along an edge of a block.
 pub(super) const SIDE: usize = 8;
 /// Voxels of a block.
 pub(super) const VOXELS: usize = SIDE * SIDE * SIDE;
+/// Voxels along an edge of an octant of a block.
+const HALF: usize = SIDE / 2;
+/// Voxels of an octant.
+const OCTANT: usize = HALF * HALF * HALF;
 /// Bytes of a block.
-pub(super) const BLOCK_BYTES: u64 = (VOXELS * size_of::<Voxel>()) as u64;
+pub(super) const BLOCK_BYTES: u64 = (VOXELS * size_of::<VoxelSums>() + size_of::<VoxelBlock>()) as u64;
 
 /// Index of a block: that of its first voxel divided by [`SIDE`].
 pub(super) type Key = [i32; 3];
 
-/// Sums over the views of a voxel.
+/// A voxel that enough views saw.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Voxel {
     /// Mean distance to the surface in units of the truncation, positive before it, at most 1.
     pub distance: f32,
-    /// Sum of weights; 0: never seen before or near a surface.
-    pub weight: f32,
-    /// Weighted sum of colours seen near the surface.
-    pub color: [f32; 3],
-    /// Sum of their weights.
-    pub color_weight: f32,
-    /// Views.
-    pub views: u32,
+    /// Mean colour of the surface near it.
+    pub color: Option<Vec3>,
 }
 
-impl Voxel {
-    /// Adds a view that sees a surface at a distance in units of the truncation.
-    fn add(&mut self, distance: f32, weight: f32, color: [f32; 3]) {
+/// Sums over the views of a voxel.
+#[derive(Clone, Copy, Debug, Default)]
+struct VoxelSums {
+    /// Weighted distances.
+    distance: f32,
+    /// Weights.
+    weight: f32,
+    /// Weighted colours of views that are near the surface.
+    color: Vec3,
+    /// Weights of these.
+    color_weight: f32,
+    views: u32,
+}
+
+impl VoxelSums {
+    /// Adds a view that has the surface at a distance in units of the truncation, with the colour of a pixel.
+    fn add(&mut self, distance: f32, weight: f32, color: impl FnOnce() -> Vec3) {
         self.weight += weight;
-        self.distance += (weight / self.weight) * (distance.min(1.0) - self.distance);
+        self.distance += weight * distance.min(1.0);
         self.views += 1;
         if distance <= 1.0 {
             self.color_weight += weight;
-            for (sum, c) in self.color.iter_mut().zip(color) {
-                *sum += weight * c;
-            }
+            self.color += weight * color();
+        }
+    }
+}
+
+/// Sums over the views that have all of an octant before their surface by the truncation or more.
+#[derive(Clone, Copy, Debug, Default)]
+struct FreeSums {
+    weight: f32,
+    views: u32,
+}
+
+impl FreeSums {
+    fn add(&mut self, weight: f32) {
+        self.weight += weight;
+        self.views += 1;
+    }
+}
+
+/// Voxels of a block.
+#[derive(Debug)]
+pub(super) struct VoxelBlock {
+    /// Octant by octant, x fastest in both.
+    voxels: Box<[VoxelSums]>,
+    /// By octant.
+    free: [FreeSums; 8],
+}
+
+impl VoxelBlock {
+    fn unseen() -> VoxelBlock {
+        VoxelBlock {
+            voxels: vec![VoxelSums::default(); VOXELS].into_boxed_slice(),
+            free: [FreeSums::default(); 8],
         }
     }
 
-    /// True if at least `views_min` views saw it.
-    pub(super) fn is_known(&self, views_min: u32) -> bool {
-        self.views >= views_min && self.weight > 0.0
+    /// The voxel at a place, x fastest, if at least `views_min` views saw it.
+    pub(super) fn voxel(&self, place: usize, views_min: u32) -> Option<Voxel> {
+        let at = [place % SIDE, place / SIDE % SIDE, place / (SIDE * SIDE)];
+        let index = |side: usize, of: fn(usize) -> usize| of(at[0]) + side * (of(at[1]) + side * of(at[2]));
+        let octant = index(2, |k| k / HALF);
+        let sums = &self.voxels[OCTANT * octant + index(HALF, |k| k % HALF)];
+        let free = self.free[octant];
+        let weight = sums.weight + free.weight;
+        let is_known = sums.views + free.views >= views_min && weight > 0.0;
+        is_known.then(|| Voxel {
+            distance: (sums.distance + free.weight) / weight,
+            color: (sums.color_weight > 0.0).then(|| sums.color / sums.color_weight),
+        })
     }
 }
 
@@ -61,35 +112,36 @@ pub(super) struct Volume {
     pub truncation: f64,
     /// Keys in ascending order.
     pub keys: Vec<Key>,
-    /// Voxels of each block; x fastest.
-    pub blocks: Vec<Box<[Voxel]>>,
+    pub blocks: Vec<VoxelBlock>,
     place_from_key: HashMap<Key, usize>,
 }
 
 impl Volume {
     /// Unseen blocks under keys in ascending order.
     pub(super) fn new(voxel: f64, truncation: f64, keys: Vec<Key>) -> Volume {
-        let empty = || vec![Voxel::default(); VOXELS].into_boxed_slice();
         Volume {
             voxel,
             truncation,
-            blocks: keys.iter().map(|_| empty()).collect(),
+            blocks: keys.iter().map(|_| VoxelBlock::unseen()).collect(),
             place_from_key: keys.iter().enumerate().map(|(i, key)| (*key, i)).collect(),
             keys,
         }
     }
 
     /// The block under a key.
-    pub(super) fn block(&self, key: Key) -> Option<&[Voxel]> {
-        self.place_from_key.get(&key).map(|&place| &*self.blocks[place])
+    pub(super) fn block(&self, key: Key) -> Option<&VoxelBlock> {
+        self.place_from_key.get(&key).map(|&place| &self.blocks[place])
     }
 
     /// Adds a view. `depth_median` is the depth at which a view seen frontally has the weight 1.
     pub(super) fn add(&mut self, map: &DepthMap, depth_median: f32) {
-        let (voxel, truncation) = (self.voxel, self.truncation);
-        let sampler = SurfaceSampler::new(map, truncation as f32);
+        let view = VolumeView::new(
+            self.voxel,
+            self.truncation,
+            SurfaceSampler::new(map, self.truncation as f32, depth_median),
+        );
         let blocks = self.blocks.par_iter_mut().zip(&self.keys);
-        blocks.for_each(|(block, key)| add_view(block, *key, &sampler, voxel, truncation, depth_median));
+        blocks.for_each(|(block, key)| view.add_to(block, *key));
     }
 }
 
@@ -130,60 +182,78 @@ pub(super) fn keys_near(map: &DepthMap, voxel: f64, truncation: f64) -> Vec<Key>
     keys
 }
 
-fn add_view(
-    block: &mut [Voxel],
-    key: Key,
-    sampler: &SurfaceSampler<'_>,
+/// A view that is added to a volume.
+struct VolumeView<'a> {
+    sampler: SurfaceSampler<'a>,
     voxel: f64,
-    truncation: f64,
-    depth_median: f32,
-) {
-    let (map, camera) = (sampler.map, &sampler.map.camera);
-    let corner = DVec3::from(key.map(|k| f64::from(k) * SIDE as f64 * voxel));
-    let first = camera.rotation * (corner - camera.position);
-    let radius = 0.5 * (SIDE - 1) as f64 * voxel * 3f64.sqrt();
-    let center = first + camera.rotation * DVec3::splat(0.5 * (SIDE - 1) as f64 * voxel);
-    if !in_sight(map, center, radius) || sampler.hides(center, radius, truncation) {
-        return;
-    }
-    let axes = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| (camera.rotation * (axis * voxel)).as_vec3());
-    let (first, truncation) = (first.as_vec3(), truncation as f32);
-    let (focal, middle) = (camera.focal.as_vec2(), camera.center.as_vec2());
-    for (row, voxels) in block.as_chunks_mut::<SIDE>().0.iter_mut().enumerate() {
-        let start = first + axes[1] * (row % SIDE) as f32 + axes[2] * (row / SIDE) as f32;
-        // By rows, so that the compiler can compute all but the samples in vectors.
-        let [x, y, z] = [0, 1, 2].map(|axis| from_fn::<f32, SIDE, _>(|i| start[axis] + axes[0][axis] * i as f32));
-        let [x, y] = [x, y].map(|across| from_fn::<f32, SIDE, _>(|i| across[i] / z[i]));
-        let ray: [f32; SIDE] = from_fn(|i| (1.0 + x[i] * x[i] + y[i] * y[i]).sqrt());
-        for (i, voxel) in voxels.iter_mut().enumerate() {
-            let [u, v] = [focal.x * x[i] + middle.x, focal.y * y[i] + middle.y];
-            let Some(sample) = sampler.sample(u, v).filter(|_| z[i] > 0.0) else {
-                continue;
-            };
-            let ahead = sample.depth - z[i];
-            // Behind the hit by the length of the ray: a grazing ray soon leaves what it entered.
-            if ahead * ray[i] < -truncation {
-                continue;
-            }
-            let [red, green, blue, coverage] = map.color[sample.pixel].map(|c| f32::from(c) / 255.0);
-            let cosine = sample.slope / ray[i];
-            let weight = coverage * coverage * cosine * (depth_median / sample.depth).powi(2);
-            // From the point to the plane: a grazing ray passes voxels that are near the surface, far before its hit.
-            voxel.add(ahead * sample.slope / truncation, weight, [red, green, blue]);
-        }
-    }
+    truncation: f32,
+    /// Steps from a voxel to the next along each axis, view coordinates.
+    axes: DMat3,
+    /// Extent of a cube of voxels along the view's axes, per step.
+    extent: DVec3,
 }
 
-/// False if a sphere in view coordinates is behind the camera or beside the image.
-fn in_sight(map: &DepthMap, center: DVec3, radius: f64) -> bool {
-    let camera = &map.camera;
-    let low = -camera.center / camera.focal;
-    let high = (DVec2::new(camera.width.into(), camera.height.into()) - camera.center) / camera.focal;
-    // Distance beyond a side plane through the camera, x = slope · z.
-    let beyond = |x: f64, slope: f64, sign: f64| sign * (x - slope * center.z) / (1.0 + slope * slope).sqrt();
-    center.z > -radius
-        && beyond(center.x, high.x, 1.0) < radius
-        && beyond(center.x, low.x, -1.0) < radius
-        && beyond(center.y, high.y, 1.0) < radius
-        && beyond(center.y, low.y, -1.0) < radius
+impl<'a> VolumeView<'a> {
+    fn new(voxel: f64, truncation: f64, sampler: SurfaceSampler<'a>) -> VolumeView<'a> {
+        let axes = sampler.map.camera.rotation * voxel;
+        VolumeView {
+            sampler,
+            voxel,
+            truncation: truncation as f32,
+            axes,
+            extent: axes.x_axis.abs() + axes.y_axis.abs() + axes.z_axis.abs(),
+        }
+    }
+
+    /// Adds the view to a block: as a whole where it lies before or behind the surface, else by octants or voxels.
+    fn add_to(&self, block: &mut VoxelBlock, key: Key) {
+        let corner = DVec3::from(key.map(|k| f64::from(k) * SIDE as f64 * self.voxel));
+        let first = self.sampler.map.camera.view_from_world(corner);
+        match self.sight(first, SIDE) {
+            Sight::Unseen => return,
+            Sight::Free(weight) => return block.free.iter_mut().for_each(|free| free.add(weight)),
+            Sight::Surface => {}
+        }
+        let octants = block.voxels.as_chunks_mut::<OCTANT>().0.iter_mut().zip(&mut block.free);
+        for (i, (voxels, free)) in octants.enumerate() {
+            let step = DVec3::new((i % 2) as f64, (i / 2 % 2) as f64, (i / 4) as f64) * HALF as f64;
+            let first = first + self.axes * step;
+            match self.sight(first, HALF) {
+                Sight::Unseen => {}
+                Sight::Free(weight) => free.add(weight),
+                Sight::Surface => self.add_to_voxels(voxels, first.as_vec3()),
+            }
+        }
+    }
+
+    /// Sight of a cube with so many voxels along an edge, from its first one, view coordinates.
+    fn sight(&self, first: DVec3, side: usize) -> Sight {
+        let half = 0.5 * (side - 1) as f64;
+        let middle = first + self.axes * DVec3::splat(half);
+        self.sampler.sight(middle, half * self.extent, self.truncation)
+    }
+
+    /// Adds the view to the voxels of an octant whose first one is at `first`, view coordinates.
+    fn add_to_voxels(&self, octant: &mut [VoxelSums; OCTANT], first: Vec3) {
+        let (sampler, camera) = (&self.sampler, &self.sampler.map.camera);
+        let axes = [self.axes.x_axis, self.axes.y_axis, self.axes.z_axis].map(|axis| axis.as_vec3());
+        let (focal, center) = (camera.focal.as_vec2(), camera.center.as_vec2());
+        let along = Vec4::new(0.0, 1.0, 2.0, 3.0);
+        for (row, voxels) in octant.as_chunks_mut::<HALF>().0.iter_mut().enumerate() {
+            let start = first + axes[1] * (row % HALF) as f32 + axes[2] * (row / HALF) as f32;
+            let [x, y, z] = [0, 1, 2].map(|axis| start[axis] + axes[0][axis] * along);
+            let (x, y) = (x / z, y / z);
+            let ray = (x * x + y * y + 1.0).map(f32::sqrt);
+            let samples = sampler.sample(focal.x * x + center.x, focal.y * y + center.y);
+            let ahead = samples.depth - z;
+            // From the point to the plane: a grazing ray passes voxels that are near the surface, far before its hit.
+            let distance = ahead * samples.slope / self.truncation;
+            // Behind the hit by the length of the ray: a grazing ray soon leaves what it entered. NaN is unseen.
+            let is_seen = z.cmpgt(Vec4::ZERO) & (ahead * ray).cmpge(Vec4::splat(-self.truncation));
+            for (i, voxel) in voxels.iter_mut().enumerate().filter(|(i, _)| is_seen.test(*i)) {
+                let pixel = samples.pixel[i];
+                voxel.add(distance[i], sampler.weight(pixel), || sampler.map.rgb(pixel));
+            }
+        }
+    }
 }
