@@ -40,20 +40,19 @@ pub fn draw(mesh: &Mesh, camera: &Camera, near: f64, background: [f32; 3]) -> Me
 /// Nearest point of a mesh at each pixel's centre, row by row from the top.
 pub(super) fn visible_points(mesh: &Mesh, camera: &Camera, near: f64) -> Vec<Option<VisiblePoint>> {
     let [width, height] = [camera.width as usize, camera.height as usize];
-    let world = |position: &[f32; 3]| DVec3::from(position.map(f64::from));
-    let positions = mesh.positions.par_iter();
-    let view: Vec<DVec3> = positions.map(|at| camera.view_from_world(world(at))).collect();
-    let pieces = |triangle: u32| pieces(mesh, triangle, &view, camera, near);
+    let projected = ProjectedMesh::new(mesh, camera, near);
     let bands = height.div_ceil(BAND);
     // Triangles of each band, of each chunk of triangles.
     let list = |(chunk, triangles): (usize, &[[u32; 3]])| {
         let mut lists: Vec<Vec<u32>> = vec![Vec::new(); bands];
         for triangle in (CHUNK * chunk) as u32..(CHUNK * chunk + triangles.len()) as u32 {
-            for (first, last) in pieces(triangle).filter_map(|piece| piece.rows(width, height)) {
-                lists[first / BAND..=last / BAND]
-                    .iter_mut()
-                    .for_each(|list| list.push(triangle));
-            }
+            projected.with_pieces(triangle, |piece| {
+                if let Some((first, last)) = piece.rows(width, height) {
+                    lists[first / BAND..=last / BAND]
+                        .iter_mut()
+                        .for_each(|list| list.push(triangle));
+                }
+            });
         }
         lists
     };
@@ -62,21 +61,104 @@ pub(super) fn visible_points(mesh: &Mesh, camera: &Camera, near: f64) -> Vec<Opt
     let rows = (0..bands).into_par_iter().map(|band| {
         let rows = band * BAND..(band * BAND + BAND).min(height);
         let mut nearest: Vec<Option<VisiblePoint>> = vec![None; rows.len() * width];
-        let triangles = lists.iter().flat_map(|lists| &lists[band]);
-        for piece in triangles.flat_map(|&triangle| pieces(triangle)) {
-            let Some((top, bottom)) = piece.rows(width, height) else {
-                continue;
-            };
-            for y in top.max(rows.start)..(bottom + 1).min(rows.end) {
-                fill(&piece, y, &mut nearest[(y - rows.start) * width..][..width]);
-            }
+        for &triangle in lists.iter().flat_map(|lists| &lists[band]) {
+            projected.with_pieces(triangle, |piece| {
+                let Some((top, bottom)) = piece.rows(width, height) else {
+                    return;
+                };
+                for y in top.max(rows.start)..(bottom + 1).min(rows.end) {
+                    fill(piece, y, &mut nearest[(y - rows.start) * width..][..width]);
+                }
+            });
         }
         nearest
     });
     rows.flatten().collect()
 }
 
-/// Part of a triangle before the near plane, in pixels.
+/// A mesh through a camera.
+struct ProjectedMesh<'a> {
+    mesh: &'a Mesh,
+    camera: &'a Camera,
+    near: f64,
+    vertices: Vec<ProjectedVertex>,
+}
+
+#[derive(Clone, Copy)]
+struct ProjectedVertex {
+    /// View coordinates.
+    view: DVec3,
+    /// Pixels; of no meaning before the near plane.
+    at: DVec2,
+}
+
+impl<'a> ProjectedMesh<'a> {
+    fn new(mesh: &'a Mesh, camera: &'a Camera, near: f64) -> ProjectedMesh<'a> {
+        let vertex = |position: &[f32; 3]| {
+            let view = camera.view_from_world(DVec3::from(position.map(f64::from)));
+            ProjectedVertex {
+                view,
+                at: pixel(camera, view),
+            }
+        };
+        ProjectedMesh {
+            mesh,
+            camera,
+            near,
+            vertices: mesh.positions.par_iter().map(vertex).collect(),
+        }
+    }
+
+    /// Calls `with` with the parts of a triangle behind the near plane: none, one, or two.
+    #[inline]
+    fn with_pieces(&self, triangle: u32, mut with: impl FnMut(&ClippedTriangle)) {
+        let corners = self.mesh.triangles[triangle as usize].map(|vertex| self.vertices[vertex as usize]);
+        match corners.iter().filter(|corner| corner.view.z >= self.near).count() {
+            0 => {}
+            3 => with(&ClippedTriangle {
+                triangle,
+                at: corners.map(|corner| corner.at),
+                inverse: corners.map(|corner| corner.view.z.recip()),
+                weights: AXES,
+            }),
+            _ => self.clip(triangle, corners.map(|corner| corner.view), &mut with),
+        }
+    }
+
+    #[cold]
+    fn clip(&self, triangle: u32, corners: [DVec3; 3], with: &mut dyn FnMut(&ClippedTriangle)) {
+        let mut polygon = Vec::with_capacity(4);
+        for i in 0..3 {
+            let (a, b) = ((corners[i], AXES[i]), (corners[(i + 1) % 3], AXES[(i + 1) % 3]));
+            if a.0.z >= self.near {
+                polygon.push(a);
+            }
+            if (a.0.z >= self.near) != (b.0.z >= self.near) {
+                let share = (self.near - a.0.z) / (b.0.z - a.0.z);
+                polygon.push((a.0.lerp(b.0, share), a.1.lerp(b.1, share)));
+            }
+        }
+        for pair in polygon[1..].windows(2) {
+            let fan = [polygon[0], pair[0], pair[1]];
+            with(&ClippedTriangle {
+                triangle,
+                at: fan.map(|(view, _)| pixel(self.camera, view)),
+                inverse: fan.map(|(view, _)| view.z.recip()),
+                weights: fan.map(|(_, weights)| weights),
+            });
+        }
+    }
+}
+
+/// Pixel of a point in view coordinates.
+fn pixel(camera: &Camera, view: DVec3) -> DVec2 {
+    camera.focal * view.truncate() / view.z + camera.center
+}
+
+/// Weights of a triangle's corners at its corners.
+const AXES: [DVec3; 3] = [DVec3::X, DVec3::Y, DVec3::Z];
+
+/// Part of a triangle behind the near plane, in pixels.
 #[derive(Clone, Copy)]
 struct ClippedTriangle {
     triangle: u32,
@@ -102,44 +184,6 @@ fn range(values: [f64; 3], count: usize) -> Option<(usize, usize)> {
     let first = (least - 0.5).ceil().max(0.0);
     let last = (most - 0.5).floor().min(count as f64 - 1.0);
     (first <= last).then_some((first as usize, last as usize))
-}
-
-/// Parts of a triangle before the near plane: none, one, or two.
-fn pieces(
-    mesh: &Mesh,
-    triangle: u32,
-    view: &[DVec3],
-    camera: &Camera,
-    near: f64,
-) -> impl Iterator<Item = ClippedTriangle> + use<> {
-    let corners = mesh.triangles[triangle as usize].map(|vertex| view[vertex as usize]);
-    let axes = [DVec3::X, DVec3::Y, DVec3::Z];
-    let mut polygon = [(DVec3::ZERO, DVec3::ZERO); 4];
-    let mut count = 0;
-    let mut add = |corner| {
-        polygon[count] = corner;
-        count += 1;
-    };
-    for i in 0..3 {
-        let (a, b) = ((corners[i], axes[i]), (corners[(i + 1) % 3], axes[(i + 1) % 3]));
-        if a.0.z >= near {
-            add(a);
-        }
-        if (a.0.z >= near) != (b.0.z >= near) {
-            let share = (near - a.0.z) / (b.0.z - a.0.z);
-            add((a.0.lerp(b.0, share), a.1.lerp(b.1, share)));
-        }
-    }
-    let camera = *camera;
-    (1..usize::max(count, 2) - 1).map(move |i| {
-        let fan = [polygon[0], polygon[i], polygon[i + 1]];
-        ClippedTriangle {
-            triangle,
-            at: fan.map(|(at, _)| camera.focal * at.truncate() / at.z + camera.center),
-            inverse: fan.map(|(at, _)| at.z.recip()),
-            weights: fan.map(|(_, weights)| weights),
-        }
-    })
 }
 
 /// Nearest point of a mesh at a pixel.
