@@ -5,7 +5,7 @@ use crate::Result;
 use crate::scene::Camera;
 use crate::stats::conjugate_gradients::{self, SymmetricSystem};
 use crate::stats::quantile;
-use glam::{DMat3, DVec2, DVec3};
+use glam::{DVec2, DVec3, Mat3A, UVec2, Vec2, Vec3A};
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_4, TAU};
 
@@ -21,13 +21,13 @@ const ANGLE_MAX: f64 = FRAC_PI_4;
 /// Iterations of Gauss-Newton.
 const STEPS: usize = 5;
 /// Noise of colours in medians of the difference between views.
-const NOISE: f64 = 2.0;
-/// Least noise: half a level.
-const NOISE_MIN: f64 = 0.5 / 255.0;
-/// Pixels of which one is asked for the noise.
-const STRIDE: usize = 7;
+const NOISE: f32 = 2.0;
+/// Least noise, levels.
+const NOISE_MIN: f32 = 0.5;
+/// Pixels of a row of which one counts: those on every so many diagonals. As many of these are asked for the noise.
+const STRIDE: usize = 4;
 /// Differences from which on a pixel loses weight, in units of the noise.
-const OUTLIER: f64 = 3.0;
+const OUTLIER: f32 = 3.0;
 /// Expected difference between neighbouring points of the lattice, footprints of a pixel: with larger ones, depths
 /// follow reflections too.
 const ROUGHNESS: f64 = 0.1;
@@ -36,7 +36,7 @@ const MOVEMENT: f64 = 2.0;
 /// Relative difference of depth between neighbouring pixels, and between points of the lattice, of one surface.
 const STEP: f64 = 0.05;
 /// Relative difference between the depths of a point by two views that both see it.
-const APART: f64 = 0.03;
+const APART: f32 = 0.03;
 /// Least coverage of a surface, levels.
 const COVERAGE_MIN: u8 = 250;
 /// Iterations, and decrease of the squared residual, of a linear solution.
@@ -80,7 +80,7 @@ pub(super) fn align(maps: &[DepthMap], progress: impl Fn() -> Result<()> + Sync)
         let source = |other: usize| SourceView::new(&maps[view].camera, &maps[other], &surfaces[other]);
         let alignment = ViewAlignment {
             map: &maps[view],
-            surface: &surfaces[view],
+            pixels: pixels(&maps[view].camera, &surfaces[view]),
             sources: sources.into_iter().map(source).collect(),
             lattice: Lattice::over(&maps[view].camera),
         };
@@ -133,6 +133,14 @@ fn surface(map: &DepthMap) -> Vec<bool> {
     (0..width * height).map(inside).collect()
 }
 
+/// Pixels of a view that count.
+fn pixels(camera: &Camera, surface: &[bool]) -> Vec<usize> {
+    let width = camera.width as usize;
+    let is_on_diagonal = |pixel: &usize| (pixel % width + pixel / width).is_multiple_of(STRIDE);
+    let pixels = (0..surface.len()).filter(is_on_diagonal);
+    pixels.filter(|&pixel| surface[pixel]).collect()
+}
+
 /// Points over a picture, four around each pixel, at the same rays for all sizes of the picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Lattice {
@@ -171,73 +179,90 @@ impl Lattice {
 struct SourceView<'a> {
     map: &'a DepthMap,
     surface: &'a [bool],
+    focal: Vec2,
+    center: Vec2,
     /// View coordinates of a point at a depth along a ray: `rotation * ray * depth + offset`.
-    rotation: DMat3,
-    offset: DVec3,
+    rotation: Mat3A,
+    offset: Vec3A,
 }
 
 /// A point in a source view.
 struct Correspondence {
-    /// Own colour less that of the source view.
-    difference: DVec3,
-    /// Derivative of the source view's colour by the logarithm of the depth.
-    slope: DVec3,
+    /// Own colour less that of the source view, levels.
+    difference: Vec3A,
+    /// Derivative of the source view's colour by the logarithm of the depth, levels.
+    slope: Vec3A,
 }
 
 impl<'a> SourceView<'a> {
     fn new(own: &Camera, map: &'a DepthMap, surface: &'a [bool]) -> SourceView<'a> {
+        let camera = &map.camera;
         SourceView {
             map,
             surface,
-            rotation: map.camera.rotation * own.rotation.transpose(),
-            offset: map.camera.view_from_world(own.position),
+            focal: camera.focal.as_vec2(),
+            center: camera.center.as_vec2(),
+            rotation: (camera.rotation * own.rotation.transpose()).as_mat3().into(),
+            offset: camera.view_from_world(own.position).as_vec3a(),
         }
     }
 
     /// The point of a colour at a depth along a ray of the own view, if it is on a surface here.
-    fn find(&self, ray: DVec3, depth: f64, own: DVec3) -> Option<Correspondence> {
-        let camera = &self.map.camera;
+    fn find(&self, ray: Vec3A, depth: f32, own: Vec3A) -> Option<Correspondence> {
         let along = self.rotation * ray * depth;
         let at = along + self.offset;
-        if at.z <= 0.0 {
+        let slope = Vec2::new(at.x, at.y) / at.z;
+        let pixel = self.focal * slope + self.center;
+        let size = UVec2::new(self.map.camera.width, self.map.camera.height).as_vec2();
+        // Written so that NaN fails.
+        if !(at.z > 0.0 && pixel.cmpge(Vec2::ZERO).all() && pixel.cmplt(size).all()) {
             return None;
         }
-        let pixel = camera.focal * at.truncate() / at.z + camera.center;
-        let size = DVec2::new(camera.width.into(), camera.height.into());
-        if pixel.min_element() < 0.0 || pixel.cmpge(size).any() {
-            return None;
-        }
-        let index = pixel.y as usize * camera.width as usize + pixel.x as usize;
-        let apart = f64::from(self.map.depth[index]) / at.z - 1.0;
+        let index = pixel.y as usize * self.map.camera.width as usize + pixel.x as usize;
+        let apart = self.map.depth[index] / at.z - 1.0;
         if !self.surface[index] || apart.abs() > APART {
             return None;
         }
         let (color, across, down) = self.sample(pixel);
-        let motion = camera.focal * (along.truncate() - at.truncate() / at.z * along.z) / at.z;
+        let motion = self.focal * (Vec2::new(along.x, along.y) - slope * along.z) / at.z;
         Some(Correspondence {
             difference: own - color,
             slope: across * motion.x + down * motion.y,
         })
     }
 
-    /// Bilinear colour at a place with pixels on all sides, and its derivatives along both axes.
-    fn sample(&self, pixel: DVec2) -> (DVec3, DVec3, DVec3) {
+    /// Bilinear colour at a place with pixels on all sides, and its derivatives along both axes; levels.
+    fn sample(&self, pixel: Vec2) -> (Vec3A, Vec3A, Vec3A) {
         let place = pixel - 0.5;
-        let share = place - place.floor();
         let width = self.map.camera.width as usize;
-        let first = place.y as usize * width + place.x as usize;
-        let color = |pixel: usize| self.map.rgb(pixel).as_dvec3();
-        let [a, b, c, d] = [first, first + 1, first + width, first + width + 1].map(color);
+        let (column, row) = (place.x as usize, place.y as usize);
+        let share = place - Vec2::new(column as f32, row as f32);
+        let first = row * width + column;
+        let [a, b, c, d] = [first, first + 1, first + width, first + width + 1].map(|pixel| levels(self.map, pixel));
         let (top, bottom) = (a.lerp(b, share.x), c.lerp(d, share.x));
         (top.lerp(bottom, share.y), (b - a).lerp(d - c, share.y), bottom - top)
     }
+}
+
+/// Colour of a pixel, levels.
+fn levels(map: &DepthMap, pixel: usize) -> Vec3A {
+    let [red, green, blue, _] = map.color[pixel].map(f32::from);
+    Vec3A::new(red, green, blue)
+}
+
+/// Place of a pixel in the lattice.
+struct LatticePlace {
+    /// Points around it, and their shares.
+    shares: [(usize, f64); 4],
+    /// Movement of its depth, footprints.
+    moved: f64,
 }
 
 /// A view to be aligned, with its source views.
 struct ViewAlignment<'a> {
     map: &'a DepthMap,
     /// Pixels that count.
-    surface: &'a [bool],
+    pixels: Vec<usize>,
     sources: Vec<SourceView<'a>>,
     lattice: Lattice,
 }
@@ -268,51 +293,46 @@ impl ViewAlignment<'_> {
     /// Adds what the pixels of the view ask for.
     fn add_pixels(&self, equations: &mut LatticeEquations, residual: &mut [f64], movement: &[f64]) {
         let noise = self.noise(movement);
-        for pixel in (0..self.surface.len()).filter(|&pixel| self.surface[pixel]) {
-            let (shares, moved) = self.moved(pixel, movement);
+        for &pixel in &self.pixels {
+            let place = self.place(pixel, movement);
             let (mut curvature, mut slope) = (0.0, 0.0);
-            for found in self.correspondences(pixel, moved) {
+            for found in self.correspondences(pixel, place.moved) {
                 let difference = found.difference / noise;
-                let by_movement = found.slope / (noise * (self.focal() + moved));
+                let by_movement = found.slope / (noise * (self.focal() + place.moved) as f32);
                 // Cauchy loss: pixels that differ for other reasons than depth count little.
-                let weight = 1.0 / (1.0 + difference.length_squared() / OUTLIER.powi(2));
+                let weight = STRIDE as f32 / (1.0 + difference.length_squared() / OUTLIER.powi(2));
                 curvature += weight * by_movement.length_squared();
                 slope += weight * by_movement.dot(difference);
             }
-            for (point, share) in shares {
-                equations.pixels[point] += share * curvature;
-                residual[point] += share * slope;
+            for (point, share) in place.shares {
+                equations.pixels[point] += share * f64::from(curvature);
+                residual[point] += share * f64::from(slope);
             }
         }
     }
 
-    /// Noise of colours, of which white has 1: by the median, since most differences are not those of wrong depths.
-    fn noise(&self, movement: &[f64]) -> f64 {
-        let pixels = (0..self.surface.len())
-            .step_by(STRIDE)
-            .filter(|&pixel| self.surface[pixel]);
-        let found = pixels.flat_map(|pixel| self.correspondences(pixel, self.moved(pixel, movement).1));
-        let mut differences: Vec<f64> = found.map(|found| found.difference.length()).collect();
-        quantile(&mut differences, 0.5).map_or(NOISE_MIN, |median| NOISE_MIN.max(NOISE * median))
+    /// Noise of colours, levels: by the median, since most differences are not those of wrong depths.
+    fn noise(&self, movement: &[f64]) -> f32 {
+        let pixels = self.pixels.iter().step_by(STRIDE);
+        let found = pixels.flat_map(|&pixel| self.correspondences(pixel, self.place(pixel, movement).moved));
+        let mut differences: Vec<f64> = found.map(|found| found.difference.length().into()).collect();
+        quantile(&mut differences, 0.5).map_or(NOISE_MIN, |median| NOISE_MIN.max(NOISE * median as f32))
     }
 
-    /// Points of the lattice with their shares in a pixel, and its movement.
-    fn moved(&self, pixel: usize, movement: &[f64]) -> ([(usize, f64); 4], f64) {
+    fn place(&self, pixel: usize, movement: &[f64]) -> LatticePlace {
         let (camera, width) = (&self.map.camera, self.map.camera.width as usize);
         let shares = self.lattice.shares(camera, pixel % width, pixel / width);
-        (
-            shares,
-            shares.iter().map(|&(point, share)| share * movement[point]).sum(),
-        )
+        let moved = shares.iter().map(|&(point, share)| share * movement[point]).sum();
+        LatticePlace { shares, moved }
     }
 
     /// A moved pixel in the source views that see it.
     fn correspondences(&self, pixel: usize, moved: f64) -> impl Iterator<Item = Correspondence> {
         let (camera, width) = (&self.map.camera, self.map.camera.width as usize);
         let place = DVec2::new((pixel % width) as f64 + 0.5, (pixel / width) as f64 + 0.5);
-        let ray = ((place - camera.center) / camera.focal).extend(1.0);
-        let depth = f64::from(self.map.depth[pixel]) * (1.0 + moved / self.focal());
-        let color = self.map.rgb(pixel).as_dvec3();
+        let ray = ((place - camera.center) / camera.focal).extend(1.0).as_vec3a();
+        let depth = self.map.depth[pixel] * (1.0 + moved / self.focal()) as f32;
+        let color = levels(self.map, pixel);
         self.sources
             .iter()
             .filter_map(move |source| source.find(ray, depth, color))
