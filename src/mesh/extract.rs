@@ -106,7 +106,7 @@ impl Neighbourhood {
     fn new(volume: &Volume, key: Key, views_min: u32, outside: Option<&FloodFill>) -> Neighbourhood {
         let first = key.map(|k| k * SIDE as i32 - 1);
         let keys = (0..27).map(|i| [0, 1, 2].map(|axis| key[axis] + i / [1, 3, 9][axis] % 3 - 1));
-        let around: Vec<(Key, Option<&VoxelBlock>)> = keys.map(|key| (key, volume.block(key))).collect();
+        let around: Vec<(Key, Option<VoxelBlock<'_>>)> = keys.map(|key| (key, volume.block(key))).collect();
         let voxel = |i: usize| {
             let place = [i % HALO, i / HALO % HALO, i / (HALO * HALO)].map(|k| k + SIDE - 1);
             let (key, block) = around[place[0] / SIDE + 3 * (place[1] / SIDE) + 9 * (place[2] / SIDE)];

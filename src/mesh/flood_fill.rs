@@ -63,10 +63,10 @@ impl FloodFill {
 
     /// Notes the voxels of a volume that at least `views_min` views saw inside a surface.
     pub(super) fn note(&mut self, volume: &Volume, views_min: u32, wanted: impl Fn(&Key) -> bool) {
-        for (key, block) in volume.keys.iter().zip(&volume.blocks) {
-            if !wanted(key) {
+        for key in volume.keys.iter().filter(|key| wanted(key)) {
+            let Some(block) = volume.block(*key) else {
                 continue;
-            }
+            };
             let mut inside = Bits::default();
             for i in 0..VOXELS {
                 if block.voxel(i, views_min).is_some_and(|voxel| voxel.distance < 0.0) {

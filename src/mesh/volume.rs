@@ -15,7 +15,7 @@ const HALF: usize = SIDE / 2;
 /// Voxels of an octant.
 const OCTANT: usize = HALF * HALF * HALF;
 /// Bytes of a block.
-pub(super) const BLOCK_BYTES: u64 = (VOXELS * size_of::<VoxelSums>() + size_of::<VoxelBlock>()) as u64;
+pub(super) const BLOCK_BYTES: u64 = (VOXELS * size_of::<VoxelSums>() + size_of::<[FreeSums; 8]>()) as u64;
 
 /// Index of a block: that of its first voxel divided by [`SIDE`].
 pub(super) type Key = [i32; 3];
@@ -71,24 +71,17 @@ impl FreeSums {
 }
 
 /// Voxels of a block.
-#[derive(Debug)]
-pub(super) struct VoxelBlock {
+#[derive(Clone, Copy, Debug)]
+pub(super) struct VoxelBlock<'a> {
     /// Octant by octant, x fastest in both.
-    voxels: Box<[VoxelSums]>,
+    voxels: &'a [VoxelSums],
     /// By octant.
-    free: [FreeSums; 8],
+    free: &'a [FreeSums; 8],
 }
 
-impl VoxelBlock {
-    fn unseen() -> VoxelBlock {
-        VoxelBlock {
-            voxels: vec![VoxelSums::default(); VOXELS].into_boxed_slice(),
-            free: [FreeSums::default(); 8],
-        }
-    }
-
+impl VoxelBlock<'_> {
     /// The voxel at a place, x fastest, if at least `views_min` views saw it.
-    pub(super) fn voxel(&self, place: usize, views_min: u32) -> Option<Voxel> {
+    pub(super) fn voxel(self, place: usize, views_min: u32) -> Option<Voxel> {
         let at = [place % SIDE, place / SIDE % SIDE, place / (SIDE * SIDE)];
         let index = |side: usize, of: fn(usize) -> usize| of(at[0]) + side * (of(at[1]) + side * of(at[2]));
         let octant = index(2, |k| k / HALF);
@@ -112,7 +105,10 @@ pub(super) struct Volume {
     pub truncation: f64,
     /// Keys in ascending order.
     pub keys: Vec<Key>,
-    pub blocks: Vec<VoxelBlock>,
+    /// Block by block, in one allocation, which goes back to the system as a whole.
+    voxels: Vec<VoxelSums>,
+    /// By block and octant.
+    free: Vec<[FreeSums; 8]>,
     place_from_key: HashMap<Key, usize>,
 }
 
@@ -122,15 +118,19 @@ impl Volume {
         Volume {
             voxel,
             truncation,
-            blocks: keys.iter().map(|_| VoxelBlock::unseen()).collect(),
+            voxels: vec![VoxelSums::default(); VOXELS * keys.len()],
+            free: vec![[FreeSums::default(); 8]; keys.len()],
             place_from_key: keys.iter().enumerate().map(|(i, key)| (*key, i)).collect(),
             keys,
         }
     }
 
     /// The block under a key.
-    pub(super) fn block(&self, key: Key) -> Option<&VoxelBlock> {
-        self.place_from_key.get(&key).map(|&place| &self.blocks[place])
+    pub(super) fn block(&self, key: Key) -> Option<VoxelBlock<'_>> {
+        self.place_from_key.get(&key).map(|&place| VoxelBlock {
+            voxels: &self.voxels[VOXELS * place..][..VOXELS],
+            free: &self.free[place],
+        })
     }
 
     /// Adds a view. `depth_median` is the depth at which a view seen frontally has the weight 1.
@@ -140,8 +140,10 @@ impl Volume {
             self.truncation,
             SurfaceSampler::new(map, self.truncation as f32, depth_median),
         );
-        let blocks = self.blocks.par_iter_mut().zip(&self.keys);
-        blocks.for_each(|(block, key)| view.add_to(block, *key));
+        let blocks = self.voxels.par_chunks_mut(VOXELS).zip(&mut self.free);
+        blocks
+            .zip(&self.keys)
+            .for_each(|((voxels, free), key)| view.add_to(voxels, free, *key));
     }
 }
 
@@ -206,15 +208,15 @@ impl<'a> VolumeView<'a> {
     }
 
     /// Adds the view to a block: as a whole where it lies before or behind the surface, else by octants or voxels.
-    fn add_to(&self, block: &mut VoxelBlock, key: Key) {
+    fn add_to(&self, voxels: &mut [VoxelSums], free: &mut [FreeSums; 8], key: Key) {
         let corner = DVec3::from(key.map(|k| f64::from(k) * SIDE as f64 * self.voxel));
         let first = self.sampler.map.camera.view_from_world(corner);
         match self.sight(first, SIDE) {
             Sight::Unseen => return,
-            Sight::Free(weight) => return block.free.iter_mut().for_each(|free| free.add(weight)),
+            Sight::Free(weight) => return free.iter_mut().for_each(|free| free.add(weight)),
             Sight::Surface => {}
         }
-        let octants = block.voxels.as_chunks_mut::<OCTANT>().0.iter_mut().zip(&mut block.free);
+        let octants = voxels.as_chunks_mut::<OCTANT>().0.iter_mut().zip(free);
         for (i, (voxels, free)) in octants.enumerate() {
             let step = DVec3::new((i % 2) as f64, (i / 2 % 2) as f64, (i / 4) as f64) * HALF as f64;
             let first = first + self.axes * step;
