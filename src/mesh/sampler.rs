@@ -300,7 +300,7 @@ mod tests {
         let mut counts = [0; 3];
         let mut random = SplitMix64(5);
         let mut signed = || DVec3::from([0; 3].map(|_| 2.0 * random.unit() - 1.0));
-        for _ in 0..4_000 {
+        for _ in 0..8_000 {
             let middle = signed() * DVec3::new(1.5, 1.2, 3.0) + DVec3::new(0.0, 0.0, 3.0);
             let half = 0.2 * signed().abs();
             let sight = sampler.sight(middle, half, truncation);
