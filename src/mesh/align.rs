@@ -24,7 +24,8 @@ const STEPS: usize = 5;
 const NOISE: f32 = 2.0;
 /// Least noise, levels.
 const NOISE_MIN: f32 = 0.5;
-/// Pixels of a row of which one counts: those on every so many diagonals. As many of these are asked for the noise.
+/// Pixels of a row of which one counts, along diagonals, and of which again one is asked for the noise. Points of the
+/// lattice are as far apart.
 const STRIDE: usize = 4;
 /// Differences from which on a pixel loses weight, in units of the noise.
 const OUTLIER: f32 = 3.0;
@@ -299,7 +300,7 @@ impl ViewAlignment<'_> {
             for found in self.correspondences(pixel, place.moved) {
                 let difference = found.difference / noise;
                 let by_movement = found.slope / (noise * (self.focal() + place.moved) as f32);
-                // Cauchy loss: pixels that differ for other reasons than depth count little.
+                // Cauchy loss: pixels that differ for other reasons than depth count little. Each stands for a stride.
                 let weight = STRIDE as f32 / (1.0 + difference.length_squared() / OUTLIER.powi(2));
                 curvature += weight * by_movement.length_squared();
                 slope += weight * by_movement.dot(difference);
@@ -319,6 +320,7 @@ impl ViewAlignment<'_> {
         quantile(&mut differences, 0.5).map_or(NOISE_MIN, |median| NOISE_MIN.max(NOISE * median as f32))
     }
 
+    /// Place of a pixel, with its movement.
     fn place(&self, pixel: usize, movement: &[f64]) -> LatticePlace {
         let (camera, width) = (&self.map.camera, self.map.camera.width as usize);
         let shares = self.lattice.shares(camera, pixel % width, pixel / width);
