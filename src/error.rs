@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 /// The result of every fallible function of this crate.
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// What went wrong, with what the reader needs to act on it.
+/// Error, with all that a reader needs to act on it.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// A file holds something other than it should.
@@ -13,7 +13,7 @@ pub enum Error {
     File {
         /// The file at fault.
         path: PathBuf,
-        /// What is wrong with it, and where (line, byte offset, frame) if known.
+        /// Fault and, if known, its place (line, byte offset, frame).
         what: String,
     },
     /// The operating system refused an operation on a file.
@@ -21,7 +21,7 @@ pub enum Error {
     Io {
         /// The file or folder concerned.
         path: PathBuf,
-        /// What the operating system said.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// A Vulkan call failed.
@@ -35,7 +35,7 @@ pub enum Error {
     /// The device, or this build, cannot do what is asked.
     #[error("unsupported: {what}")]
     Unsupported {
-        /// What is missing, and for which part.
+        /// Missing feature, and the part that needs it.
         what: String,
     },
     /// A kernel does not compute what the reference says.
@@ -43,7 +43,7 @@ pub enum Error {
     Mismatch {
         /// The kernel, its input and its variant.
         kernel: String,
-        /// What it wrote and what it should have.
+        /// Its value and the reference's.
         what: String,
     },
     /// The device's memory does not hold what is asked.

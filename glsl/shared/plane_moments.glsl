@@ -43,7 +43,7 @@ PlaneDepths plane_depths(PlaneColumn c, Hits hits, float near_plane) {
     return at;
 }
 
-// What a splat in front of the others adds to the objective, by its weight; `by_depth` is the derivative by its depth.
+// Derivative of the objective by the weight of a splat in front of the others; `by_depth`: its derivative by the depth.
 vec4 ahead_of(SurfaceGradient d, vec4 depth, vec3 normal, bool with_spread, out vec4 by_depth) {
     vec4 ahead = d.coverage + d.depth * depth;
     ahead += d.normal_x * normal.x + d.normal_y * normal.y + d.normal_z * normal.z;

@@ -65,7 +65,7 @@ impl TileBounds {
     }
 }
 
-/// What a view has of a box.
+/// Position of a box relative to a view's surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Sight {
     /// None of it: it is beside the image, or behind the surface.

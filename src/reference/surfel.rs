@@ -70,7 +70,7 @@ impl<R: Real> SurfelDisc<R> {
         }
     }
 
-    /// Where the ray through a position (pixels) meets the plane, in front of the near plane.
+    /// Hit of the ray through a position (pixels) and the plane, in front of the near plane.
     pub fn hit(&self, position: [f64; 2]) -> Option<SurfelHit<R>> {
         let [fx, fy, cx, cy] = self.lens;
         let ray = [(position[0] - cx) / fx, (position[1] - cy) / fy, 1.0].map(R::of);

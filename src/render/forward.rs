@@ -290,7 +290,7 @@ impl Forward {
         rec.timestamp("rasterize");
     }
 
-    /// Which of `emitted_from_isect` holds the sorted list of an image of so many tiles.
+    /// Index of the buffer of `emitted_from_isect` with the sorted list of an image of so many tiles.
     pub(crate) fn sorted_index(tiles: usize) -> usize {
         (tile_sort(tiles).passes % 2) as usize
     }

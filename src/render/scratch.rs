@@ -12,9 +12,9 @@ buffers! {
     /// A frame's buffers. Names say what indexes what: `a_from_b` is indexed by `b` and gives `a`.
     pub struct Scratch(capacity: Capacity, outputs: Outputs)
     beside {
-        /// What fits.
+        /// Capacity of the buffers.
         pub capacity: Capacity = capacity,
-        /// What the bands of a frame leave behind, where gradients will be wanted of more than one.
+        /// State between the bands of a frame, for gradients of more than one.
         pub(crate) replay: Option<BandReplay> = None,
     }
     {

@@ -3,7 +3,7 @@
 //! Shared by the build script, which writes tables of these, and by `gpu`, which turns one into a
 //! pipeline. Knows neither Vulkan handles nor splats.
 
-/// How a kernel touches a binding, from `readonly` / `writeonly`.
+/// Access of a kernel to a binding, from `readonly` / `writeonly`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
     /// Only read.
@@ -14,7 +14,7 @@ pub enum Access {
     ReadWrite,
 }
 
-/// What is bound.
+/// Kind of a binding's resource.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BindingKind {
     /// A storage buffer.
@@ -32,9 +32,9 @@ pub struct BindingInfo {
     pub binding: u32,
     /// The name of the block's one member, e.g. `tile_from_isect`.
     pub name: &'static str,
-    /// What is bound.
+    /// Kind of the resource.
     pub kind: BindingKind,
-    /// How it is touched.
+    /// Access of the kernel.
     pub access: Access,
 }
 
@@ -103,7 +103,7 @@ pub struct KernelInfo {
     pub params_size: u32,
     /// Tunables. The one named `workgroup` is the workgroup's size in x.
     pub specs: &'static [SpecInfo],
-    /// What the device must offer.
+    /// Features that the device must offer.
     pub requirements: &'static [Requirement],
 }
 
