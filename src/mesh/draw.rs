@@ -98,7 +98,7 @@ impl<'a> ProjectedMesh<'a> {
             let view = camera.view_from_world(DVec3::from(position.map(f64::from)));
             ProjectedVertex {
                 view,
-                at: pixel(camera, view),
+                at: camera.pixel_from_view(view),
             }
         };
         ProjectedMesh {
@@ -142,17 +142,12 @@ impl<'a> ProjectedMesh<'a> {
             let fan = [polygon[0], pair[0], pair[1]];
             with(&ClippedTriangle {
                 triangle,
-                at: fan.map(|(view, _)| pixel(self.camera, view)),
+                at: fan.map(|(view, _)| self.camera.pixel_from_view(view)),
                 inverse: fan.map(|(view, _)| view.z.recip()),
                 weights: fan.map(|(_, weights)| weights),
             });
         }
     }
-}
-
-/// Pixel of a point in view coordinates.
-fn pixel(camera: &Camera, view: DVec3) -> DVec2 {
-    camera.focal * view.truncate() / view.z + camera.center
 }
 
 /// Weights of a triangle's corners at its corners.

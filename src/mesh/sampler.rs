@@ -170,7 +170,7 @@ impl<'a> SurfaceSampler<'a> {
         let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
         for z in [near, far] {
             for corner in [middle - half, middle + half] {
-                let at = camera.focal * corner.truncate() / z + camera.center;
+                let at = camera.pixel_from_view(corner.truncate().extend(z));
                 (low, high) = (low.min(at), high.max(at));
             }
         }
@@ -187,7 +187,7 @@ impl<'a> SurfaceSampler<'a> {
         }
         let is_inside = low.cmpge(DVec2::ONE).all() && high.cmplt(size - 1.0).all();
         if is_inside && f64::from(bounds.nearest - truncation / bounds.slope) >= far {
-            let at = camera.focal * middle.truncate() / middle.z + camera.center;
+            let at = camera.pixel_from_view(middle);
             return Sight::Free(self.weights[at.y as usize * self.width + at.x as usize]);
         }
         Sight::Surface
@@ -311,7 +311,7 @@ mod tests {
             }] += 1;
             for _ in 0..20 {
                 let point = middle + half * signed();
-                let pixel = camera.focal * point.truncate() / point.z + camera.center;
+                let pixel = camera.pixel_from_view(point);
                 let sample = sampler.sample(Vec4::splat(pixel.x as f32), Vec4::splat(pixel.y as f32));
                 let (depth, z) = (sample.depth.x, point.z as f32);
                 match sight {

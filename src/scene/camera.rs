@@ -175,10 +175,16 @@ impl Camera {
         self.rotation * (point - self.position)
     }
 
+    /// Pixel coordinates of a point in view coordinates; of no meaning behind the camera.
+    #[inline]
+    pub(crate) fn pixel_from_view(&self, view: DVec3) -> DVec2 {
+        self.focal * view.truncate() / view.z + self.center
+    }
+
     /// Pixel coordinates of a world point in front of the camera, else `None`.
     pub fn pixel_from_world(&self, point: DVec3) -> Option<DVec2> {
         let v = self.view_from_world(point);
-        (v.z > 0.0).then(|| self.focal * v.truncate() / v.z + self.center)
+        (v.z > 0.0).then(|| self.pixel_from_view(v))
     }
 
     /// Whether a world point lies in the image. Occlusion is not considered.

@@ -26,7 +26,7 @@ pub fn sampling_rates(means: &[[f32; 3]], cameras: &[Camera], near: f64, margin:
 
 fn rate(camera: &Camera, mean: DVec3, near: f64, margin: f64) -> Option<f64> {
     let v = camera.view_from_world(mean);
-    let pixel = camera.focal * v.truncate() / v.z + camera.center;
+    let pixel = camera.pixel_from_view(v);
     let within = |x: f64, size: u32| {
         let size = f64::from(size);
         (-margin * size..=(1.0 + margin) * size).contains(&x)
