@@ -146,7 +146,7 @@ pub struct TrainConfig {
     #[serde(default)]
     pub band_pixels: u32,
     /// Iteration up to which photographs are reduced, coarse to fine; 0: never.
-    /// [`coarse_to_fine`](TrainConfig::coarse_to_fine) sets it for large ones, the count controller for all.
+    /// [`coarse_to_fine`](TrainConfig::coarse_to_fine) sets it by their size, the count controller for all.
     #[serde(default, alias = "half_size_until")]
     pub coarse_until: u32,
     /// Halvings of the photographs' width and height at the start, 1 to 8; each is taken back after an equal part of
