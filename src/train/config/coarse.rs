@@ -11,7 +11,7 @@ const PIXELS_MIN_SMALL: f64 = 16_384.0;
 /// Share of the run with reduced photographs.
 const SHARE: f64 = 0.5;
 
-/// Most iterations with reduced photographs if these are small: longer runs lose detail by more.
+/// Most iterations with reduced photographs if these are small: half of a long run costs detail.
 const UNTIL_SMALL: u32 = 300;
 
 impl TrainConfig {
